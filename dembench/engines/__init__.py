@@ -1,0 +1,1 @@
+"""WHO simulates: the engine contract, one file per engine, and the registry."""

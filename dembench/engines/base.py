@@ -1,0 +1,216 @@
+"""The engine contract: probe, refuse, set, write, read. An engine is a small adapter between plain data."""
+
+from __future__ import annotations
+
+import difflib
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import ValidationError
+
+from dembench.scene import Scene
+from dembench.scene.base import Model, Positive
+
+Division = Literal["closed", "open"]
+
+
+class Probe(Model):
+    """What was found of an engine on this machine.
+
+    Attributes:
+        available: Whether it can run here.
+        version: Its version; for an in-tree engine with a digest of its sources.
+        path: Path of its program, or None.
+        facts: Build facts: binary hash, package, device, compiler.
+        reason: Why it is not available.
+        install: Command or advice that makes it available.
+    """
+
+    available: bool
+    version: str = ""
+    path: str | None = None
+    facts: dict[str, str] = {}
+    reason: str = ""
+    install: str = ""
+
+
+class EngineSettings(Model):
+    """Settings of one run of an engine; an engine adds its own fields.
+
+    Attributes:
+        dt: Time step [s], fitted into the scene's sampling interval.
+    """
+
+    dt: Positive
+
+    def cores(self) -> int:
+        """Number of cores that a run with these settings occupies."""
+        return 1
+
+    def precision(self) -> str:
+        """Floating-point precision, as shown in timing tables."""
+        return "float64"
+
+    def device(self) -> str:
+        """Device, as shown in timing tables."""
+        return "cpu"
+
+
+class SettingsError(ValueError):
+    """A setting that is unknown or has a value that is not accepted."""
+
+
+class Phase(Model):
+    """One command of a run.
+
+    Attributes:
+        name: `simulate`, or what comes before and after it.
+        command: Program and arguments; run in the deck directory, never through a shell.
+        timed: Whether its wall time counts as the run's.
+        environment: Variables added to the environment.
+    """
+
+    name: str
+    command: tuple[str, ...]
+    timed: bool = True
+    environment: dict[str, str] = {}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """All bodies at one time, in the order of the initial state.
+
+    Attributes:
+        step, time: Step number and time [s].
+        present: Indices of the bodies that are still there, shape (n,), ascending.
+        position, velocity, angular_velocity: [m], [m/s], [rad/s], shape (n, 3), float64.
+    """
+
+    step: int
+    time: float
+    present: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    angular_velocity: np.ndarray
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The tracked bodies of a scene at the fine cadence.
+
+    Attributes:
+        step, time: Shape (t,), [s].
+        position, velocity: Shape (t, b, 3) in the order of `scene.tracked_bodies()`, [m], [m/s].
+    """
+
+    step: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Where the wall time of a run went [s]; None where it is not known.
+
+    Attributes:
+        set_up: Reading the scene, building lists.
+        compile: Compiling or loading kernels.
+        loop: The stepping loop.
+        output: Writing frames and tracks, where it is apart from the loop.
+        source: Who measured the loop: `engine`, `difference of two run lengths`, or `wall`.
+    """
+
+    set_up: float | None = None
+    compile: float | None = None
+    loop: float | None = None
+    output: float | None = None
+    source: str = "wall"
+
+
+@dataclass(frozen=True)
+class Series:
+    """What an engine has produced so far; `read` may be called while the engine is still running.
+
+    Attributes:
+        frames: Frames written completely so far, loaded one by one on access.
+        tracks: Tracks so far, or None where the scene tracks no body.
+        timing: Known once the run has ended.
+        time: Simulated time reached [s].
+        failure: Reason, from the engine's own output, why the run is no result: one of `FAILURES`, or None.
+        detail: One line about the failure.
+        counters: The engine's own figures, shown beside ours (e.g. neighbour builds).
+    """
+
+    frames: Sequence[Frame]
+    tracks: Tracks | None
+    timing: Timing = field(default_factory=Timing)
+    time: float = 0.0
+    failure: str | None = None
+    detail: str = ""
+    counters: dict[str, float] = field(default_factory=dict)
+
+
+FAILURES = ("nan", "lost particles", "energy", "tunnelling", "memory", "signal", "no output", "engine error")
+
+
+class Engine(ABC):
+    """An engine: simulates a scene by writing its input, launching it and reading its output.
+
+    Class attributes:
+        name: Name on the command line.
+        title: One line for tables.
+        colour: Fixed colour in all figures.
+        dashed: Whether its lines are dashed.
+        settings_type: Its EngineSettings.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    colour: ClassVar[str]
+    dashed: ClassVar[bool] = False
+    settings_type: ClassVar[type[EngineSettings]]
+
+    @abstractmethod
+    def probe(self) -> Probe:
+        """Looks for the engine; never raises."""
+
+    @abstractmethod
+    def unsupported(self, scene: Scene) -> list[str]:
+        """Features of the scene that the engine cannot do, one line each; never a silent approximation."""
+
+    @abstractmethod
+    def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
+        """Default settings for a scene in a division, as arguments of `settings_type`."""
+
+    @abstractmethod
+    def write(self, scene: Scene, settings: Any, directory: Path) -> list[Phase]:
+        """Writes the complete, runnable input into an existing directory and says how to launch it."""
+
+    @abstractmethod
+    def read(self, scene: Scene, settings: Any, directory: Path) -> Series:
+        """Reads what the engine has written so far into the directory."""
+
+    def settings(self, scene: Scene, division: Division, overrides: dict[str, str] | None = None) -> Any:
+        """The settings of a run: defaults of the division, then overrides; `dt` is fitted to the sampling.
+
+        Raises:
+            SettingsError: An override has an unknown name (the nearest known one is named) or a value not accepted.
+        """
+        known = list(self.settings_type.model_fields)
+        for key in overrides or {}:
+            if key not in known:
+                near = difflib.get_close_matches(key, known, n=1)
+                hint = f"; did you mean '{near[0]}'?" if near else ""
+                raise SettingsError(f"{self.name} has no setting '{key}'{hint} Accepted are {', '.join(known)}.")
+        try:
+            made = self.settings_type(**{**self.defaults(scene, division), **(overrides or {})})
+        except ValidationError as error:
+            fault = error.errors()[0]
+            where = ".".join(str(part) for part in fault["loc"])
+            raise SettingsError(f"{self.name}[{where}]: {fault['msg']} (given: {fault.get('input')!r})") from None
+        return made.model_copy(update={"dt": scene.fitted_step(made.dt)})

@@ -1,0 +1,54 @@
+"""WHAT is simulated: an engine-neutral scene as frozen data in SI units."""
+
+from dembench.scene.bodies import Bodies
+from dembench.scene.features import Features, features
+from dembench.scene.files import SceneError, load_scene, save_scene, scene_from
+from dembench.scene.materials import HertzMindlin, LinearSpring, Material, PairLaw, Rigid
+from dembench.scene.observables import (
+    CentreOfMass,
+    Count,
+    Energy,
+    Overlap,
+    Region,
+    Snapshot,
+    Trajectory,
+    WallForce,
+    ZoneCount,
+)
+from dembench.scene.scene import Constraint, Domain, Scene, Sink, Species
+from dembench.scene.walls import Box, Cylinder, Frustum, Mesh, Motion, Plane
+
+__all__ = [
+    "Bodies",
+    "Box",
+    "CentreOfMass",
+    "Constraint",
+    "Count",
+    "Cylinder",
+    "Domain",
+    "Energy",
+    "Features",
+    "Frustum",
+    "HertzMindlin",
+    "LinearSpring",
+    "Material",
+    "Mesh",
+    "Motion",
+    "Overlap",
+    "PairLaw",
+    "Plane",
+    "Region",
+    "Rigid",
+    "Scene",
+    "SceneError",
+    "Sink",
+    "Snapshot",
+    "Species",
+    "Trajectory",
+    "WallForce",
+    "ZoneCount",
+    "features",
+    "load_scene",
+    "save_scene",
+    "scene_from",
+]

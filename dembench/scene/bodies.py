@@ -1,0 +1,123 @@
+"""The bodies of a scene as arrays: the exact initial state that every engine starts from."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
+
+from dembench.scene.base import Model
+
+
+def _rows(value: Any) -> np.ndarray:
+    array = np.array(value, dtype=np.float64)
+    if array.size == 0:
+        array = array.reshape(0, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ValueError(f"expected shape (n, 3), got {array.shape}")
+    return _checked(array)
+
+
+def _column(value: Any) -> np.ndarray:
+    array = np.array(value, dtype=np.float64)
+    if array.ndim != 1:
+        raise ValueError(f"expected shape (n,), got {array.shape}")
+    return _checked(array)
+
+
+def _indices(value: Any) -> np.ndarray:
+    array = np.array(value)
+    if array.ndim != 1:
+        raise ValueError(f"expected shape (n,), got {array.shape}")
+    if array.size and not np.array_equal(array, array.astype(np.int32)):
+        raise ValueError("expected whole numbers")
+    array = array.astype(np.int32)
+    array.setflags(write=False)
+    return array
+
+
+def _checked(array: np.ndarray) -> np.ndarray:
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        index = tuple(int(k) for k in bad[0])
+        raise ValueError(
+            f"particle {index[0]} has the value {array[index]}; all {array.size} values must be finite numbers "
+            f"({len(bad)} are not)"
+        )
+    array.setflags(write=False)
+    return array
+
+
+_as_list = PlainSerializer(lambda array: array.tolist(), return_type=list)
+Rows = Annotated[Any, BeforeValidator(_rows), _as_list, Field(json_schema_extra={"type": "array"})]
+Column = Annotated[Any, BeforeValidator(_column), _as_list, Field(json_schema_extra={"type": "array"})]
+Indices = Annotated[Any, BeforeValidator(_indices), _as_list, Field(json_schema_extra={"type": "array"})]
+
+
+class Bodies(Model):
+    """Arrays of the initial state; body k is row k of every array.
+
+    Attributes:
+        position: Centres [m], shape (n, 3), float64.
+        species: Index into the scene's species, shape (n,), int32; None means species 0 for all.
+        velocity: Velocities [m/s], shape (n, 3); None means at rest.
+        angular_velocity: Angular velocities [rad/s], shape (n, 3); None means none.
+        radius: Radii [m], shape (n,), where they differ from those of the species; None means those of the species.
+    """
+
+    position: Rows
+    species: Indices = None
+    velocity: Rows = None
+    angular_velocity: Rows = None
+    radius: Column | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or "position" not in data:
+            return data
+        n = len(data["position"])
+        filled = dict(data)
+        for name, empty in (
+            ("species", np.zeros(n, np.int32)),
+            ("velocity", np.zeros((n, 3))),
+            ("angular_velocity", np.zeros((n, 3))),
+        ):
+            if filled.get(name) is None:
+                filled[name] = empty
+        return filled
+
+    @model_validator(mode="after")
+    def _same_length(self) -> Bodies:
+        n = len(self.position)
+        for name in ("species", "velocity", "angular_velocity", "radius"):
+            array = getattr(self, name)
+            if array is not None and len(array) != n:
+                raise ValueError(f"{name} has {len(array)} rows, position has {n}")
+        if self.radius is not None and n and not (self.radius > 0).all():
+            bad = int(np.argmin(self.radius > 0))
+            raise ValueError(f"radius of particle {bad} is {self.radius[bad]:g} m; it must be above 0")
+        return self
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arrays that are present, by field name."""
+        return {name: a for name in type(self).model_fields if (a := getattr(self, name)) is not None}
+
+    def digest(self) -> str:
+        """SHA-256 of the content: names, shapes and bytes of all arrays."""
+        digest = hashlib.sha256()
+        for name, array in self.arrays().items():
+            digest.update(f"{name}{array.shape}{array.dtype.str}".encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+    def __hash__(self) -> int:
+        return hash(self.digest())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Bodies) and self.digest() == other.digest()

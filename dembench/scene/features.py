@@ -1,0 +1,73 @@
+"""What a scene needs, computed and never declared: everything else is left out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dembench.scene.base import Model
+from dembench.scene.materials import HertzMindlin, Rigid
+from dembench.scene.scene import Scene
+from dembench.scene.walls import Cylinder, Frustum, Mesh
+
+
+class Features(Model):
+    """What decides which kernels, buffers, deck commands, observables and report sections exist.
+
+    Attributes:
+        friction: Some pair that can touch has sliding friction.
+        tangential_history: Friction, and a law that keeps a shear spring.
+        rolling_friction: Some pair has rolling friction.
+        rotation: Spins matter: there is friction, or a body starts with a spin.
+        polydisperse: Bodies have different radii.
+        pair_table: More than one pair law is in use between particles.
+        walls, moving_walls, curved_walls, mesh_walls: Kinds of walls present.
+        sinks, constraints, periodic, gravity: Present or not.
+    """
+
+    friction: bool
+    tangential_history: bool
+    rolling_friction: bool
+    rotation: bool
+    polydisperse: bool
+    pair_table: bool
+    walls: bool
+    moving_walls: bool
+    curved_walls: bool
+    mesh_walls: bool
+    sinks: bool
+    constraints: bool
+    periodic: bool
+    gravity: bool
+
+    def names(self) -> list[str]:
+        """Names of the features that are present."""
+        return [name for name, value in self if value]
+
+
+def features(scene: Scene) -> Features:
+    """The features of a scene."""
+    particle_materials = {s.material for k, s in enumerate(scene.species) if (scene.bodies.species == k).any()}
+    touching = particle_materials | {w.material for w in scene.walls}
+    laws = [p for p in scene.pair_laws if {p.a, p.b} <= touching and {p.a, p.b} & particle_materials]
+    friction = any(p.friction > 0 for p in laws)
+    radii = scene.radii()
+    return Features(
+        friction=friction,
+        tangential_history=friction and not isinstance(scene.law, Rigid) and _has_shear_spring(scene),
+        rolling_friction=any(p.rolling_friction > 0 for p in laws),
+        rotation=friction or bool(np.any(scene.bodies.angular_velocity != 0)),
+        polydisperse=bool(len(radii)) and bool(np.ptp(radii) > 0),
+        pair_table=len(particle_materials) > 1,
+        walls=bool(scene.walls),
+        moving_walls=any(w.motion is not None for w in scene.walls),
+        curved_walls=any(isinstance(w, Cylinder | Frustum) for w in scene.walls),
+        mesh_walls=any(isinstance(w, Mesh) for w in scene.walls),
+        sinks=bool(scene.sinks),
+        constraints=bool(scene.constraints),
+        periodic=any(scene.domain.periodic),
+        gravity=any(scene.gravity),
+    )
+
+
+def _has_shear_spring(scene: Scene) -> bool:
+    return isinstance(scene.law, HertzMindlin) or getattr(scene.law, "tangential_stiffness", 0) > 0
