@@ -1,0 +1,163 @@
+"""What a case is: it builds scenes from its parameters, derives quantities from results and holds references."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal, Protocol
+
+import numpy as np
+
+from dembench.initial.progress import Progress
+from dembench.scene import Scene
+from dembench.scene.base import Model
+
+Preset = Literal["quick", "published"]
+Kind = Literal["closed form", "converged run", "ensemble", "publication"]
+
+
+class CaseError(ValueError):
+    """A case, parameter or initial state that cannot be used: names it, its value and what would be accepted."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number derived from the observables of one run.
+
+    Attributes:
+        name: Identifier, the same for all engines.
+        title: What it is, for tables.
+        value: In `unit`.
+        unit: SI unit.
+    """
+
+    name: str
+    title: str
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What a quantity should be, with its uncertainty and source.
+
+    Attributes:
+        quantity: Name of the quantity.
+        value: Reference value; None for a pure bound.
+        low, high: Accepted range; None where that side is open. Both None: the spread is unknown, nothing is judged.
+        unit: SI unit of all three.
+        source: Where it comes from and what the range means.
+        kind: Kind of the reference; errors of different kinds are never mixed.
+        necessary: A condition that every correct run meets, so that missing it makes a run inaccurate and meeting it
+            proves nothing.
+    """
+
+    quantity: str
+    value: float | None
+    low: float | None
+    high: float | None
+    unit: str
+    source: str
+    kind: Kind
+    necessary: bool = False
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Points known of an observable, for figures.
+
+    Attributes:
+        observable: Name of the observable.
+        label: Text for the legend.
+        time: Times [s], shape (t,).
+        value: Values in the observable's unit, shape (t,).
+        low, high: Range at each time, shape (t,), or None.
+        source: Where the points come from.
+    """
+
+    observable: str
+    label: str
+    time: np.ndarray
+    value: np.ndarray
+    low: np.ndarray | None
+    high: np.ndarray | None
+    source: str
+
+
+class Series(Protocol):
+    """A recorded observable: times [s], shape (t,), and values, shape (t, ...)."""
+
+    @property
+    def time(self) -> np.ndarray: ...
+
+    @property
+    def value(self) -> np.ndarray: ...
+
+
+class Recorded(Protocol):
+    """What a case needs of a result: its observables by name."""
+
+    @property
+    def observables(self) -> Mapping[str, Any]: ...
+
+
+class Case(ABC):
+    """A named problem.
+
+    Class attributes:
+        name: Name on the command line.
+        title: One line for tables.
+        source: Citation.
+        parameters: Model of the parameters, all with defaults.
+        presets: Presets that the case has.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    source: ClassVar[str]
+    parameters: ClassVar[type[Model]]
+    presets: ClassVar[tuple[Preset, ...]] = ("quick", "published")
+
+    @abstractmethod
+    def check(self, parameters: Any, preset: Preset, initial: Path | None = None) -> None:
+        """Whether the parameters, the preset and a given initial state fit together, without building anything.
+
+        Raises:
+            CaseError: They do not; the message says what would be accepted.
+        """
+
+    @abstractmethod
+    def scene(
+        self,
+        parameters: Any,
+        preset: Preset,
+        initial: Path | None = None,
+        seed: int = 0,
+        progress: Progress | None = None,
+    ) -> Scene:
+        """The scene of a variant.
+
+        Args:
+            parameters: An instance of `self.parameters`.
+            preset: One of `self.presets`.
+            initial: File or directory with the published initial state; None generates one.
+            seed: Seed of whatever is random in the initial state.
+            progress: Called while an initial state is generated.
+
+        Raises:
+            CaseError: See `check`.
+        """
+
+    @abstractmethod
+    def quantities(self, scene: Scene, result: Recorded) -> list[Quantity]:
+        """The quantities that the record of a run covers; those it ends too early for are left out."""
+
+    @abstractmethod
+    def references(self, scene: Scene, parameters: Any, preset: Preset) -> list[Reference]:
+        """The references that hold for this scene."""
+
+    @abstractmethod
+    def reference_curves(self, scene: Scene, parameters: Any, preset: Preset) -> list[Curve]:
+        """Points known from publications and closed forms that hold for this scene, for figures."""

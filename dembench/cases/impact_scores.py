@@ -1,0 +1,212 @@
+"""Quantities, references and known curves of the particle impact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dembench.cases.base import Curve, Quantity, Recorded, Reference
+from dembench.cases.quantities import lowest, sample_at
+from dembench.scene import Box, Scene
+
+FREE_FALL_SHARE = 0.9
+FREE_FALL_TOLERANCE = 1e-3
+FLOOR_TOLERANCE = 0.01
+ENERGY_TOLERANCE = 0.01
+
+UNITS = {
+    "deepest": ("Deepest point of the ball, 1 ms samples", "m"),
+    "deepest_between": ("Deepest point of the ball, between samples too", "m"),
+    "deepest_time": ("Time of the deepest 1 ms sample", "s"),
+    "descent_25ms": ("Displacement at 25 ms", "m"),
+    "descent_27ms": ("Displacement at 27 ms", "m"),
+    "speed_35ms": ("Vertical velocity of the ball at 35 ms", "m/s"),
+    "end_point": ("Displacement at the end", "m"),
+    "free_fall": ("Displacement at the last sample of the free fall", "m"),
+    "floor_clearance": ("Smallest gap between ball and floor", "m"),
+    "energy_excess": ("Largest kinetic and potential energy above that at the start", "J"),
+}
+
+
+def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
+    """The quantities that the record covers."""
+    seen = result.observables
+    found: dict[str, float | None] = {}
+    if "ball_displacement" in seen and len(seen["ball_displacement"].time):
+        found |= _depths(scene, seen)
+    if "ball_velocity" in seen:
+        velocity = seen["ball_velocity"]
+        found["speed_35ms"] = sample_at(velocity.time, np.asarray(velocity.value).reshape(-1, 3)[:, 2], 0.035)
+    if "energy" in seen and len(seen["energy"].time):
+        total = np.asarray(seen["energy"].value).sum(axis=1)
+        found["energy_excess"] = float(total.max() - total[0])
+    return [Quantity(name, *_titled(name, value)) for name, value in found.items() if value is not None]
+
+
+def _titled(name: str, value: float) -> tuple[str, float, str]:
+    title, unit = UNITS[name]
+    return title, value, unit
+
+
+def _depths(scene: Scene, seen: Mapping[str, Any]) -> dict[str, float | None]:
+    time, depth = seen["ball_displacement"].time, seen["ball_displacement"].value
+    found: dict[str, float | None] = {}
+    deepest = lowest(time, depth, scene.duration)
+    if deepest is not None:
+        found["deepest_time"], found["deepest"] = deepest
+    between = depth
+    if "ball_minimum" in seen and len(seen["ball_minimum"].time):
+        between = seen["ball_minimum"].value
+        fine = lowest(seen["ball_minimum"].time, between, scene.duration)
+        found["deepest_between"] = fine[1] if fine is not None else None
+    found["descent_25ms"] = sample_at(time, depth, 0.025)
+    found["descent_27ms"] = sample_at(time, depth, 0.027)
+    found["end_point"] = sample_at(time, depth, scene.duration)
+    found["free_fall"] = sample_at(time, depth, free_fall_end(scene))
+    found["floor_clearance"] = float(min(np.min(depth), np.min(between))) + _floor_gap(scene)
+    return found
+
+
+def _ball(scene: Scene) -> int:
+    return scene.tracked_bodies()[0]
+
+
+def _floor_gap(scene: Scene) -> float:
+    """Gap between ball and floor at the start [m]."""
+    box = next(wall for wall in scene.walls if isinstance(wall, Box))
+    ball = _ball(scene)
+    return float(scene.bodies.position[ball, 2] - box.lower[2] - scene.radii()[ball])
+
+
+def first_contact(scene: Scene) -> float:
+    """Time at which the ball, falling freely, first touches a resting grain or the floor [s]."""
+    ball = _ball(scene)
+    others = np.arange(len(scene.bodies)) != ball
+    reach = scene.radii()[ball] + scene.radii()[others]
+    offset = scene.bodies.position[others] - scene.bodies.position[ball]
+    aside = np.hypot(offset[:, 0], offset[:, 1])
+    below = (aside < reach) & (offset[:, 2] < 0)
+    drops = -offset[below, 2] - np.sqrt(reach[below] ** 2 - aside[below] ** 2)
+    drop = min(_floor_gap(scene), float(drops.min()) if len(drops) else np.inf)
+    speed, gravity = -scene.bodies.velocity[ball, 2], -scene.gravity[2]
+    return float(2 * drop / (speed + np.sqrt(speed**2 + 2 * gravity * drop)))
+
+
+def free_fall_end(scene: Scene) -> float:
+    """The last sample of the free fall: at most 0.9 of the time to the first contact [s]."""
+    interval = next(o.interval for o in scene.observables if o.name == "ball" and hasattr(o, "interval"))
+    return float(np.floor(FREE_FALL_SHARE * first_contact(scene) / interval) * interval)
+
+
+def _fall(scene: Scene, time: float | np.ndarray) -> Any:
+    """Displacement in free fall [m]: v0 t + g t^2/2."""
+    return scene.bodies.velocity[_ball(scene), 2] * time + 0.5 * scene.gravity[2] * time**2
+
+
+def references(scene: Scene, published: Mapping[str, Any], bed: str | None) -> list[Reference]:
+    """What holds for this scene; `bed` None is the quick bed, for which nothing was published."""
+    found = _necessary(scene)
+    if bed is None:
+        return found
+    if bed == "25k":
+        found.append(_deepest_25k(published))
+    for entry in published["references"]:
+        if _applies(entry, scene, bed) and _same_end(entry["quantity"], scene, published):
+            found.append(
+                Reference(
+                    quantity=entry["quantity"],
+                    value=entry["value"],
+                    low=entry.get("low"),
+                    high=entry.get("high"),
+                    unit=UNITS[entry["quantity"]][1],
+                    source=f"{entry['source']}; doi {published['doi']}",
+                    kind=entry["kind"],
+                )
+            )
+    return found
+
+
+def _applies(entry: Mapping[str, Any], scene: Scene, bed: str) -> bool:
+    state = "published" if scene.name.endswith("_published") else "other"
+    return entry["bed"] == bed and entry["state"] in (state, "any")
+
+
+def _same_end(quantity: str, scene: Scene, published: Mapping[str, Any]) -> bool:
+    return quantity != "end_point" or bool(np.isclose(scene.duration, published["published"]["duration"]))
+
+
+def _deepest_25k(published: Mapping[str, Any]) -> Reference:
+    """Deepest point from the codes' means over ten initial conditions."""
+    codes = published["deepest_25k"]
+    means = np.array([c["mean"] for c in codes])
+    deviations = np.array([c["deviation"] for c in codes])
+    return Reference(
+        quantity="deepest",
+        value=float(means.mean()),
+        low=float((means - 2 * deviations).min()),
+        high=float((means + 2 * deviations).max()),
+        unit="m",
+        source=f"mean of {len(codes)} codes over ten initial conditions; band: every code's mean with two of its "
+        f"standard deviations; doi {published['doi']}",
+        kind="publication",
+    )
+
+
+def _necessary(scene: Scene) -> list[Reference]:
+    """Conditions that every correct run meets, whatever the bed."""
+    fall = float(_fall(scene, free_fall_end(scene)))
+    ball = _ball(scene)
+    radius, speed = scene.radii()[ball], scene.bodies.velocity[ball, 2]
+    energy = 0.5 * scene.masses()[ball] * speed**2
+    return [
+        Reference(
+            quantity="free_fall",
+            value=fall,
+            low=fall - FREE_FALL_TOLERANCE * abs(fall),
+            high=fall + FREE_FALL_TOLERANCE * abs(fall),
+            unit="m",
+            source=f"v0 t + g t^2/2 at {free_fall_end(scene) * 1e3:g} ms; band: {FREE_FALL_TOLERANCE:.1%}",
+            kind="closed form",
+            necessary=True,
+        ),
+        Reference(
+            quantity="floor_clearance",
+            value=None,
+            low=float(-FLOOR_TOLERANCE * radius),
+            high=None,
+            unit="m",
+            source=f"the ball does not pass the floor; band: {FLOOR_TOLERANCE:.0%} of its radius",
+            kind="closed form",
+            necessary=True,
+        ),
+        Reference(
+            quantity="energy_excess",
+            value=None,
+            low=None,
+            high=float(ENERGY_TOLERANCE * energy),
+            unit="J",
+            source=f"nothing feeds energy in; band: {ENERGY_TOLERANCE:.0%} of the ball's kinetic energy at the start",
+            kind="closed form",
+            necessary=True,
+        ),
+    ]
+
+
+def curves(scene: Scene, published: Mapping[str, Any], bed: str | None) -> list[Curve]:
+    """The free fall until the first contact, and the points known of the published runs."""
+    time = np.linspace(0, min(first_contact(scene), scene.duration), 20)
+    found = [Curve("ball_displacement", "free fall", time, _fall(scene, time), None, None, "v0 t + g t^2/2")]
+    for entry in published["curves"]:
+        if bed is not None and _applies(entry, scene, bed):
+            low, high = np.array(entry["low"]), np.array(entry["high"])
+            points = np.array(entry["time"]), np.array(entry["value"])
+            source = f"{entry['source']}; doi {published['doi']}"
+            found.append(Curve(entry["observable"], entry["label"], *points, low, high, source))
+    for reference in references(scene, published, bed):
+        if reference.quantity == "end_point" and reference.value is not None and reference.low is not None:
+            band = (np.array([reference.low]), np.array([reference.high]))
+            point = (np.array([scene.duration]), np.array([reference.value]))
+            found.append(Curve("ball_displacement", "published end point", *point, *band, reference.source))
+    return found

@@ -1,0 +1,59 @@
+"""Keeps generated beds: one file per bed, named by the hash of everything that it depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pooch
+
+
+def cache_directory() -> Path:
+    """The cache: the environment variable DEMBENCH_CACHE, or the user's cache directory of this system."""
+    given = os.environ.get("DEMBENCH_CACHE")
+    return Path(given) if given else Path(pooch.os_cache("dembench"))
+
+
+def cached(kind: str, inputs: dict[str, Any], make: Callable[[], np.ndarray]) -> np.ndarray:
+    """An array from the cache, or made and stored there.
+
+    Args:
+        kind: First part of the file name.
+        inputs: Everything that the array depends on, as plain JSON data; its hash is the key.
+        make: Makes the array where the cache does not have it, or has a file that cannot be read.
+    """
+    text = json.dumps(inputs, sort_keys=True)
+    path = cache_directory() / f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.npz"
+    stored = _read(path, text)
+    if stored is not None:
+        return stored
+    made = make()
+    _store(path, text, made)
+    return made
+
+
+def _read(path: Path, text: str) -> np.ndarray | None:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return stored["array"] if str(stored["inputs"]) == text else None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
+
+
+def _store(path: Path, text: str, array: np.ndarray) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, temporary = tempfile.mkstemp(prefix=path.stem, suffix=".tmp", dir=path.parent)
+    try:
+        with os.fdopen(descriptor, "wb") as stream:
+            np.savez_compressed(stream, array=array, inputs=np.array(text))
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
