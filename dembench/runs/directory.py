@@ -1,0 +1,182 @@
+"""The directory of one run: what it holds, who may write it, and how it reads when its supervisor is gone."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import time
+import warnings
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import psutil
+from pydantic import ValidationError
+
+from dembench.results import Result, ResultError, read
+from dembench.runs.spec import RunSpec
+from dembench.runs.states import Status
+
+TAIL_LINES = 40
+_TAIL_BYTES = 16_000
+
+
+class Occupied(RuntimeError):
+    """Another supervisor that is alive works in the directory."""
+
+
+class RunDirectory:
+    """Paths and records of one run.
+
+    It holds `spec.json`, `supervisor.json`, `environment.json`, `deck/`, `log/`, `result.h5`, and `status.json`, which
+    is written last: a directory without it is that of a run that goes on, or was cut off.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """The run in that directory, which need not exist."""
+        self.path = path
+        self.deck = path / "deck"
+        self.log = path / "log"
+        self.result = path / "result.h5"
+
+    def claim(self, spec: RunSpec) -> None:
+        """Makes the directory anew for a run by this process.
+
+        What an earlier attempt left is kept as `.<name>.previous` beside it, the one before that is removed.
+
+        Raises:
+            Occupied: A live supervisor works there.
+        """
+        if (owner := self.supervisor()) is not None:
+            raise Occupied(f"{self.path} is in use by process {owner}")
+        previous = self.path.with_name(f".{self.path.name}.previous")
+        if self.path.exists():
+            shutil.rmtree(previous, ignore_errors=True)
+            os.replace(self.path, previous)
+        try:
+            self.path.mkdir(parents=True)
+        except FileExistsError:
+            raise Occupied(f"{self.path} was taken by another process at this moment") from None
+        own = psutil.Process()
+        self._write("supervisor.json", {"pid": own.pid, "created": own.create_time(), "host": socket.gethostname()})
+        self._write("spec.json", {**spec.model_dump(mode="json"), "hash": spec.digest()})
+        self.deck.mkdir()
+        self.log.mkdir()
+
+    def supervisor(self) -> int | None:
+        """Process id of the supervisor that works here, or None where there is none or it is gone."""
+        if (self.path / "status.json").exists():
+            return None
+        try:
+            owner = json.loads((self.path / "supervisor.json").read_text())
+            alive = psutil.Process(owner["pid"])
+            same = abs(alive.create_time() - owner["created"]) < 1 and alive.status() != psutil.STATUS_ZOMBIE
+            return owner["pid"] if same and owner["host"] == socket.gethostname() else None
+        except (OSError, ValueError, KeyError, TypeError, psutil.Error):
+            return None
+
+    def write_environment(self, environment: dict[str, Any]) -> None:
+        """Writes `environment.json`."""
+        self._write("environment.json", environment)
+
+    def write_status(self, status: Status) -> None:
+        """Writes `status.json`: the run has ended."""
+        self._write("status.json", status.plain())
+
+    def spec(self) -> RunSpec:
+        """The spec; ValueError or OSError where there is none."""
+        data = json.loads((self.path / "spec.json").read_text())
+        data.pop("hash", None)
+        return RunSpec.model_validate(data)
+
+    def status(self) -> Status | None:
+        """How the run ended; `running` or `interrupted` where it has not; None where there is no run."""
+        if not (self.path / "spec.json").exists():
+            return None
+        try:
+            return Status.model_validate_json((self.path / "status.json").read_text())
+        except (OSError, ValidationError):
+            pass
+        if (owner := self.supervisor()) is not None:
+            return Status(state="running", detail=f"by process {owner}")
+        return Status(
+            state="interrupted",
+            reason="supervisor gone",
+            detail="the process that ran it ended without a word; the result is that of its last checkpoint",
+            log_tail=self.log_tail(),
+        )
+
+    def log_tail(self) -> str:
+        """The last lines of the logs that were written last, error output after output."""
+        files = sorted((p for p in self.log.glob("*.*") if p.stat().st_size), key=lambda p: p.stat().st_mtime)
+        last = {p.stem for p in files[-1:]}
+        parts = []
+        for path in sorted((p for p in files if p.stem in last), key=lambda p: p.suffix == ".err"):
+            with open(path, "rb") as stream:
+                stream.seek(max(0, path.stat().st_size - _TAIL_BYTES))
+                lines = stream.read().decode(errors="replace").splitlines()
+            parts += [f"--- {path.name}", *lines[-TAIL_LINES:]]
+        return "\n".join(parts)
+
+    def _write(self, name: str, data: dict[str, Any]) -> None:
+        temporary = self.path / f".{name}.tmp"
+        temporary.write_text(json.dumps(data, indent=1) + "\n")
+        os.replace(temporary, self.path / name)
+
+
+class RunRecord:
+    """A run as others read it: `name`, `directory`, `spec`, `status`, `result`."""
+
+    def __init__(self, directory: Path) -> None:
+        """The run in that directory; ValueError or OSError where there is none."""
+        self.directory = directory
+        self.name = directory.name
+        self._run = RunDirectory(directory)
+        self.spec = self._run.spec()
+        self.status: Status = self._run.status() or Status(state="interrupted")
+
+    @cached_property
+    def result(self) -> Result | None:
+        """The result, partial where the run was cut off; None where there is none that can be read."""
+        try:
+            return read(self._run.result)
+        except ResultError:
+            return None
+
+    @cached_property
+    def environment(self) -> dict[str, Any]:
+        """The machine and the engine as found at the start; empty where the run never started."""
+        try:
+            found: dict[str, Any] = json.loads((self.directory / "environment.json").read_text())
+            return found
+        except (OSError, ValueError):
+            return {}
+
+    def logs(self) -> list[Path]:
+        """The log files that are not empty, by name."""
+        return sorted(p for p in (self.directory / "log").glob("*") if p.is_file() and p.stat().st_size)
+
+
+def find_runs(path: Path) -> list[RunRecord]:
+    """The runs in a directory, or the one that it is, by name.
+
+    A directory that looks like a run and cannot be read is left out with a warning.
+    """
+    found = []
+    for candidate in [path, *sorted(path.iterdir())] if path.is_dir() else []:
+        if candidate != path and (candidate.name.startswith(".") or not candidate.is_dir()):
+            continue
+        if not (candidate / "spec.json").exists():
+            continue
+        try:
+            found.append(RunRecord(candidate))
+        except (OSError, ValueError) as error:
+            warnings.warn(f"{candidate}: no readable run: {error}", stacklevel=2)
+    return found
+
+
+def now() -> str:
+    """The time in ISO 8601 with time zone."""
+    return time.strftime("%Y-%m-%dT%H:%M:%S%z")
