@@ -1,8 +1,9 @@
 """WHAT is simulated: an engine-neutral scene as frozen data in SI units."""
 
 from dembench.scene.bodies import Bodies
+from dembench.scene.checks import check_scene
 from dembench.scene.features import Features, features
-from dembench.scene.files import SceneError, load_scene, save_scene, scene_from
+from dembench.scene.files import SceneError, load_scene, save_scene, scene_from, scene_schema
 from dembench.scene.materials import HertzMindlin, LinearSpring, Material, PairLaw, Rigid
 from dembench.scene.observables import (
     CentreOfMass,
@@ -47,8 +48,10 @@ __all__ = [
     "Trajectory",
     "WallForce",
     "ZoneCount",
+    "check_scene",
     "features",
     "load_scene",
     "save_scene",
     "scene_from",
+    "scene_schema",
 ]

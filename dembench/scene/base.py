@@ -17,9 +17,11 @@ Vector = tuple[Finite, Finite, Finite]
 
 
 def _unit(value: Vector) -> Vector:
-    length = math.sqrt(sum(x * x for x in value))
+    length = math.hypot(*value)
     if length == 0:
         raise ValueError("a direction must not be the zero vector")
+    if abs(length - 1) < 1e-14:  # so that a direction read back from a file is the same to the last bit
+        return value
     return (value[0] / length, value[1] / length, value[2] / length)
 
 

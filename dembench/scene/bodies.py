@@ -11,8 +11,15 @@ from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
 from dembench.scene.base import Model
 
 
+def _numbers(value: Any) -> np.ndarray:
+    try:
+        return np.array(value, dtype=np.float64)
+    except TypeError as error:
+        raise ValueError(f"expected numbers: {error}") from None
+
+
 def _rows(value: Any) -> np.ndarray:
-    array = np.array(value, dtype=np.float64)
+    array = _numbers(value)
     if array.size == 0:
         array = array.reshape(0, 3)
     if array.ndim != 2 or array.shape[1] != 3:
@@ -21,18 +28,20 @@ def _rows(value: Any) -> np.ndarray:
 
 
 def _column(value: Any) -> np.ndarray:
-    array = np.array(value, dtype=np.float64)
+    array = _numbers(value)
     if array.ndim != 1:
         raise ValueError(f"expected shape (n,), got {array.shape}")
     return _checked(array)
 
 
 def _indices(value: Any) -> np.ndarray:
-    array = np.array(value)
+    array = _numbers(value)
     if array.ndim != 1:
         raise ValueError(f"expected shape (n,), got {array.shape}")
-    if array.size and not np.array_equal(array, array.astype(np.int32)):
-        raise ValueError("expected whole numbers")
+    whole = np.isfinite(array) & (array == np.round(array)) & (np.abs(array) < 2**31)
+    if not whole.all():
+        bad = int(np.argmin(whole))
+        raise ValueError(f"particle {bad} has the value {array[bad]:g}; expected whole numbers")
     array = array.astype(np.int32)
     array.setflags(write=False)
     return array
@@ -51,9 +60,16 @@ def _checked(array: np.ndarray) -> np.ndarray:
 
 
 _as_list = PlainSerializer(lambda array: array.tolist(), return_type=list)
-Rows = Annotated[Any, BeforeValidator(_rows), _as_list, Field(json_schema_extra={"type": "array"})]
-Column = Annotated[Any, BeforeValidator(_column), _as_list, Field(json_schema_extra={"type": "array"})]
-Indices = Annotated[Any, BeforeValidator(_indices), _as_list, Field(json_schema_extra={"type": "array"})]
+
+
+def _array_of(items: dict[str, Any]) -> Any:
+    return Field(json_schema_extra={"type": ["array", "null"], "items": items})
+
+
+_vector = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+Rows = Annotated[Any, BeforeValidator(_rows), _as_list, _array_of(_vector)]
+Column = Annotated[Any, BeforeValidator(_column), _as_list, _array_of({"type": "number", "exclusiveMinimum": 0})]
+Indices = Annotated[Any, BeforeValidator(_indices), _as_list, _array_of({"type": "integer", "minimum": 0})]
 
 
 class Bodies(Model):
@@ -76,7 +92,7 @@ class Bodies(Model):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, data: Any) -> Any:
-        if not isinstance(data, dict) or "position" not in data:
+        if not isinstance(data, dict) or not hasattr(data.get("position"), "__len__"):
             return data
         n = len(data["position"])
         filled = dict(data)

@@ -15,7 +15,7 @@ from dembench.scene.bodies import Bodies
 from dembench.scene.scene import Scene
 
 INLINE_BODIES = 100
-_PLAIN_NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9_.-]*\.npz$")
+_PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*\.npz")
 
 
 class SceneError(ValueError):
@@ -31,7 +31,7 @@ def save_scene(scene: Scene, path: Path) -> None:
         arrays = path.with_suffix(".npz")
         temporary = arrays.with_name(arrays.name + ".tmp")
         with open(temporary, "wb") as stream:
-            np.savez(stream, **scene.bodies.arrays())
+            np.savez(stream, allow_pickle=False, **scene.bodies.arrays())
         os.replace(temporary, arrays)
         data["bodies"] = {"file": arrays.name, "sha256": scene.bodies.digest()}
     temporary = path.with_name(path.name + ".tmp")
@@ -64,6 +64,26 @@ def scene_from(data: Any, source: str = "scene") -> Scene:
         raise SceneError(explain(error, source)) from None
 
 
+def scene_schema() -> dict[str, Any]:
+    """JSON schema of a scene file: a scene whose bodies are arrays, or the name of the `.npz` file beside it."""
+    schema = Scene.model_json_schema()
+    schema["properties"]["bodies"] = {
+        "anyOf": [
+            schema["properties"]["bodies"],
+            {
+                "type": "object",
+                "properties": {
+                    "file": {"type": "string", "pattern": f"^{_PLAIN_NAME.pattern}$"},
+                    "sha256": {"type": "string", "pattern": "^[0-9a-f]{64}$"},
+                },
+                "required": ["file"],
+                "additionalProperties": False,
+            },
+        ]
+    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
 def explain(error: ValidationError, source: str) -> str:
     """The faults of a validation error, one per line: field, what is wrong, the value given."""
     lines = []
@@ -78,7 +98,7 @@ def explain(error: ValidationError, source: str) -> str:
 
 def _load_bodies(path: Path, reference: dict[str, Any]) -> Bodies:
     name = reference["file"]
-    if not isinstance(name, str) or not _PLAIN_NAME.match(name):
+    if not isinstance(name, str) or not _PLAIN_NAME.fullmatch(name):
         raise SceneError(f"{path}: bodies.file: {name!r} must be the plain name of an .npz file beside the scene")
     try:
         with np.load(path.parent / name, allow_pickle=False) as stored:

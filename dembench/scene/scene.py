@@ -136,7 +136,8 @@ class Scene(Model):
         if missing:
             names = ", ".join(f"{a}-{b}" for a, b in missing)
             raise ValueError(
-                f"pair_laws: no law for {names}; give restitution and friction of every pair of materials that can touch"
+                f"pair_laws: no law for {names}; "
+                "give restitution and friction of every pair of materials that can touch"
             )
 
     def _check_indices(self) -> None:

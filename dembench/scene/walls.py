@@ -176,11 +176,17 @@ class _Axial(Wall):
         relative = np.asarray(points) - start
         along = relative @ axis
         radial = np.linalg.norm(relative - along[:, None] * axis, axis=1)
-        slope = math.atan2(r1 - r0, length)
-        mantle = (r0 - radial) * math.cos(slope) + along * math.sin(slope)
+        slant = math.hypot(length, r1 - r0)
+        cos, sin = length / slant, (r1 - r0) / slant
+        mantle = (r0 - radial) * cos + along * sin
+        foot = along * cos + (radial - r0) * sin
         beyond_start, beyond_end = along < 0, along > length
-        mantle = np.where(beyond_start & ~np.bool_(self.closed_start), np.hypot(along, radial - r0), mantle)
-        mantle = np.where(beyond_end & ~np.bool_(self.closed_end), np.hypot(along - length, radial - r1), mantle)
+        for open_end, rim in (
+            (~np.bool_(self.closed_start) & (foot < 0), np.hypot(along, radial - r0)),
+            (~np.bool_(self.closed_end) & (foot > slant), np.hypot(along - length, radial - r1)),
+        ):
+            behind = (mantle < 0) & ~beyond_start & ~beyond_end
+            mantle = np.where(open_end, np.where(behind, -rim, rim), mantle)
         if self.outside:
             mantle = np.where(beyond_start | beyond_end, mantle, -mantle)
         if self.closed_start:
@@ -251,7 +257,7 @@ Triangles = Annotated[
     Any,
     BeforeValidator(_triangles),
     PlainSerializer(lambda array: array.tolist(), return_type=list[list[tuple[Finite, Finite, Finite]]]),
-    Field(json_schema_extra={"description": "Vertices [m], shape (n, 3, 3)"}),
+    Field(json_schema_extra={"type": "array", "minItems": 1, "items": {"type": "array", "minItems": 3, "maxItems": 3}}),
 ]
 
 
@@ -279,24 +285,26 @@ class Mesh(Wall):
         """Distance of points [m], shape (n, 3), to the nearest triangle, signed by its normal [m], shape (n,)."""
         points = np.asarray(points, dtype=np.float64)
         best = np.full(len(points), np.inf)
-        signed = np.full(len(points), np.inf)
+        side = np.zeros(len(points))
+        tie = 1e-12 * float(np.abs(self.triangles).max())
         for triangle in self.triangles:
-            offset = points - _closest_points(points, triangle)
+            offset = points - closest_points(points, triangle)
             distance = np.linalg.norm(offset, axis=1)
             normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-            nearer = distance < best - 1e-15
-            side = np.where(offset @ normal < 0, -1.0, 1.0)
-            signed = np.where(nearer, side * distance, signed)
-            best = np.where(nearer, distance, best)
-        return signed
+            own_side = offset @ normal / (np.linalg.norm(normal) * np.maximum(distance, tie))
+            # At a shared edge several triangles are equally near; the one seen most from the front knows the side.
+            nearer = (distance < best - tie) | ((distance <= best + tie) & (np.abs(own_side) > np.abs(side)))
+            side = np.where(nearer, own_side, side)
+            best = np.minimum(best, distance)
+        return np.where(side < 0, -best, best)
 
     def triangulate(self) -> np.ndarray:
         """The triangles themselves, shape (n, 3, 3)."""
         return self.triangles
 
 
-def _closest_points(points: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Closest points of a triangle, shape (n, 3): the projection, or the nearest point of the three edges."""
+def closest_points(points: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    """Closest points of a triangle [m], shape (n, 3): the projection, or the nearest point of the three edges."""
     a, b, c = triangle
     normal = np.cross(b - a, c - a)
     normal = normal / np.linalg.norm(normal)

@@ -1,0 +1,140 @@
+"""Whether the bodies of a scene fit into it: inside domain and walls, and hardly overlapping at the start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dembench.scene.files import SceneError
+from dembench.scene.scene import Scene
+from dembench.scene.walls import Mesh, closest_points
+
+LARGEST_OVERLAP = 0.01
+
+
+def check_scene(scene: Scene) -> None:
+    """Checks the initial state of a scene.
+
+    A centre must lie in the domain and on the void's side of every wall. Two particles may overlap by 1 % of the
+    smaller radius, a particle and a wall by 1 % of its radius. A mesh need not be closed and so has no outside: with
+    it only the overlap counts.
+
+    Raises:
+        SceneError: One line per kind of fault: how many particles have it, the worst one and what is accepted.
+    """
+    faults = [*_outside_domain(scene), *_wall_faults(scene), *_overlaps(scene)]
+    if faults:
+        raise SceneError("\n".join(f"{scene.name}: bodies.position: {fault}" for fault in faults))
+
+
+def _outside_domain(scene: Scene) -> Iterator[str]:
+    position, domain = scene.bodies.position, scene.domain
+    beyond = np.maximum(np.array(domain.lower) - position, position - np.array(domain.upper))
+    for axis in range(3):
+        count = int(np.count_nonzero(beyond[:, axis] > 0))
+        if count:
+            worst = int(np.argmax(beyond[:, axis]))
+            yield (
+                f"{count} of {len(position)} particles are outside the domain; worst is particle {worst} with "
+                f"{'xyz'[axis]} = {position[worst, axis]:g} m, accepted is {domain.lower[axis]:g} to "
+                f"{domain.upper[axis]:g} m"
+            )
+
+
+def _wall_faults(scene: Scene) -> Iterator[str]:
+    position, radius = scene.bodies.position, scene.radii()
+    if not len(position):
+        return
+    for wall in scene.walls:
+        if isinstance(wall, Mesh):
+            distance = _mesh_distance(wall, position, radius)
+        else:
+            distance = wall.signed_distance(position)
+            outside = distance < 0
+            if outside.any():
+                worst = int(np.argmin(distance))
+                yield (
+                    f"{np.count_nonzero(outside)} of {len(position)} particles are outside wall {wall.name}; worst is "
+                    f"particle {worst} at {_point(position[worst])}, {-distance[worst]:.4g} m beyond it"
+                )
+            distance = np.where(outside, np.inf, distance)
+        overlap = (radius - distance) / radius
+        count = int(np.count_nonzero(overlap > LARGEST_OVERLAP))
+        if count:
+            worst = int(np.argmax(overlap))
+            yield (
+                f"{count} of {len(position)} particles overlap wall {wall.name} by more than {LARGEST_OVERLAP:.0%} of "
+                f"their radius; worst is particle {worst} at {_point(position[worst])} with {overlap[worst]:.2%}"
+            )
+
+
+def _mesh_distance(wall: Mesh, position: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Distance to the nearest triangle [m], shape (n,), where it is below the radius; infinity elsewhere."""
+    distance = np.full(len(position), np.inf)
+    centre = wall.triangles.mean(axis=1)
+    reach = np.linalg.norm(wall.triangles - centre[:, None], axis=2).max(axis=1) + radius.max()
+    near = cKDTree(position).query_ball_point(centre, reach)
+    for triangle, indices in zip(wall.triangles, near, strict=True):
+        if indices:
+            points = position[indices]
+            found = np.linalg.norm(points - closest_points(points, triangle), axis=1)
+            distance[indices] = np.minimum(distance[indices], found)
+    return np.where(distance < radius, distance, np.inf)
+
+
+def _overlaps(scene: Scene) -> Iterator[str]:
+    radius = scene.radii()
+    count, worst, pair = 0, 0.0, (0, 0)
+    for a, b, distance in _near_pairs(scene, radius):
+        overlap = (radius[a] + radius[b] - distance) / np.minimum(radius[a], radius[b])
+        too_much = overlap > LARGEST_OVERLAP
+        count += int(np.count_nonzero(too_much))
+        if too_much.any() and overlap.max() > worst:
+            k = int(np.argmax(overlap))
+            worst, pair = float(overlap[k]), (int(a[k]), int(b[k]))
+    if count:
+        a, b = pair
+        touching = radius[a] + radius[b]
+        distance = touching - worst * min(radius[a], radius[b])
+        yield (
+            f"{count} pairs of particles overlap by more than {LARGEST_OVERLAP:.0%} of the smaller radius; worst are "
+            f"particles {a} and {b} with {worst:.2%}, {distance:.6g} m apart where their radii add to {touching:.6g} m"
+        )
+
+
+def _near_pairs(scene: Scene, radius: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Pairs that may touch: indices of both, shape (k,), and their distance [m].
+
+    Particles are handled in classes of similar radius, so that one large ball does not make every grain a candidate.
+    """
+    if not len(radius):
+        return
+    domain = scene.domain
+    size = np.array(domain.upper) - np.array(domain.lower)
+    box = np.where(domain.periodic, size, 0.0)
+    position = scene.bodies.position - np.array(domain.lower)
+    position = np.where(domain.periodic, np.mod(position, size), position)
+    level = np.floor(np.log2(radius / radius.min())).astype(int)
+    members = [np.flatnonzero(level == k) for k in np.unique(level)]
+    trees = [cKDTree(position[m], boxsize=box) for m in members]
+    for k, own in enumerate(members):
+        pairs = trees[k].query_pairs(2 * radius[own].max(), output_type="ndarray")
+        yield own[pairs[:, 0]], own[pairs[:, 1]], _distance(position, own[pairs[:, 0]], own[pairs[:, 1]], box)
+        for j, others in enumerate(members[:k]):
+            near = trees[j].query_ball_point(position[own], radius[own] + radius[others].max())
+            a = np.repeat(own, [len(n) for n in near])
+            b = others[np.concatenate([np.asarray(n, dtype=int) for n in near])]
+            yield a, b, _distance(position, a, b, box)
+
+
+def _distance(position: np.ndarray, a: np.ndarray, b: np.ndarray, box: np.ndarray) -> np.ndarray:
+    offset = position[a] - position[b]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        image = np.where(box > 0, box * np.round(offset / box), 0.0)
+    return np.linalg.norm(offset - image, axis=1)
+
+
+def _point(point: np.ndarray) -> str:
+    return "(" + ", ".join(f"{x:g}" for x in point) + ") m"
