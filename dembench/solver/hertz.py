@@ -1,0 +1,408 @@
+"""The soft-sphere step on the CPU: half lists, plain accumulation, one or more threads on disjoint ranges.
+
+One launch carries a thread through many steps. It comes back when the steps are done, when the lists may no longer hold
+every pair that can touch, or when a value is not finite. The integrator is velocity Verlet; forces are evaluated with the
+half-step velocities.
+"""
+
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.laws import LawOptions, contact_force
+from dembench.solver.neighbours import near_functions
+from dembench.solver.pairs import ONE, pair_lookup
+from dembench.solver.sync import barrier
+from dembench.solver.types import types
+from dembench.solver.walls import wall_distance
+
+DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
+"""Why a launch came back."""
+
+
+@dataclass(frozen=True)
+class StepOptions:
+    """What of the step is compiled in; everything else is left out of the kernel.
+
+    Attributes:
+        law: Options of the contact law.
+        pairs: How pair constants are looked up.
+        walls, curved, moving, bigs: Whether there are walls, mantles, wall motions and large bodies.
+        rotation: Whether spins are integrated.
+        threads: Whether several threads share the step.
+    """
+
+    law: LawOptions = field(default_factory=LawOptions)
+    pairs: str = ONE
+    walls: bool = False
+    curved: bool = False
+    moving: bool = False
+    bigs: bool = False
+    rotation: bool = True
+    threads: bool = False
+
+
+@cache
+def lever_function(o: StepOptions) -> Any:
+    """Lever arm of the tangential force as a Warp function (bodies, i, overlap) -> length."""
+    t = types(o.law.precision)
+    real, Bodies = t.real, t.Bodies
+    rescaled = o.law.rescaled
+
+    @wp.func
+    def lever(b: Bodies, i: int, overlap: real):
+        arm = real(b.radius[i])
+        if wp.static(not rescaled):
+            arm = arm - real(0.5) * overlap
+        return arm
+
+    return lever
+
+
+@cache
+def force_functions(o: StepOptions) -> Any:
+    """Warp functions that evaluate one pair and one wall contact: (i, j) or (i, feature) -> force, tangential force, memory."""
+    t = types(o.law.precision)
+    real, vec3, vec4, Bodies, PairClass, Wall = t.real, t.vec3, t.vec4, t.Bodies, t.PairClass, t.Wall
+    force = contact_force(o.law)
+    of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
+    distance_of = wall_distance(o.law.precision, o.curved)
+    lever = lever_function(o)
+    friction, moving = o.law.friction, o.moving
+
+    @wp.func
+    def pair(b: Bodies, i: int, j: int, memory: vec4, table: wp.array(dtype=PairClass), columns: int, dt: real):
+        """Force and torque arm of body i against body j: f on i, ft, the new memory and the overlap (0 if apart)."""
+        f, ft, after, overlap = vec3(), vec3(), vec4(), real(0.0)
+        d = b.x[i] - b.x[j]
+        reach = b.radius[i] + b.radius[j]
+        inside = reach * reach - wp.dot(d, d)
+        if inside > wp.float64(0.0):
+            # (reach^2 - r^2)/(reach + r) keeps the overlap exact in single precision where reach - r would not
+            e = vec3(real(d[0]), real(d[1]), real(d[2]))
+            r = wp.length(e)
+            overlap = real(inside) / (real(reach) + r)
+            n = vec3(real(1.0), real(0.0), real(0.0))
+            if r > real(0.0):
+                n = e / r
+            dv = b.v[i] - b.v[j]
+            s = vec3()
+            if wp.static(friction):
+                s = lever(b, i, overlap) * b.w[i] + lever(b, j, overlap) * b.w[j]
+            c = of_pair(b, i, j, table, columns)
+            f, ft, after = force(n, overlap, vec3(real(dv[0]), real(dv[1]), real(dv[2])), s, memory, c, dt)
+            if wp.static(friction):
+                ft = wp.cross(n, ft)
+        return f, ft, after, overlap
+
+    @wp.func
+    def wall(b: Bodies, i: int, feature: Wall, memory: vec4, table: wp.array(dtype=PairClass), columns: int, dt: real):
+        """The same for body i against a wall feature."""
+        f, ft, after, overlap = vec3(), vec3(), vec4(), real(0.0)
+        distance, normal = distance_of(feature, b.x[i])
+        gap = distance - b.radius[i]
+        if gap < wp.float64(0.0):
+            overlap = real(-gap)
+            n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
+            dv = wp.vec3d(b.v[i])
+            if wp.static(moving):
+                dv = dv - feature.velocity - wp.cross(feature.spin, b.x[i] - feature.centre)
+            s = vec3()
+            if wp.static(friction):
+                s = lever(b, i, overlap) * b.w[i]
+            c = of_wall(b, i, feature.kind, table, columns)
+            f, ft, after = force(n, overlap, vec3(real(dv[0]), real(dv[1]), real(dv[2])), s, memory, c, dt)
+            if wp.static(friction):
+                ft = wp.cross(n, ft)
+        return f, ft, after, overlap
+
+    return pair, wall
+
+
+@cache
+def advance_kernel(o: StepOptions) -> Any:
+    """The kernel that carries one thread through up to `steps` steps.
+
+    `state` (int32): 0, 1 barrier; 2 steps done; 3 reason for coming back; 4 whether the step in progress still lacks its
+    forces. `travel` (float64): 0 since the lists were built, 1 since the near lists were picked, 2 of the large bodies and
+    the small ones since the candidates were listed, 3 largest overlap met, from 4 on per thread: largest squared speed of
+    small and of large bodies, sum of squared speeds, largest overlap.
+    """
+    t = types(o.law.precision)
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
+    pair, wall = force_functions(o)
+    lever = lever_function(o)
+    near = near_functions(o.law.precision)
+    pick_near, pick_big = near.pick_near, near.pick_big
+    walls, bigs, rotation, threads, friction = o.walls, o.bigs, o.rotation, o.threads, o.law.friction
+
+    @wp.func
+    def kick(b: Bodies, i: int, half: wp.float64, gravity: wp.vec3d):
+        """Half a step of acceleration."""
+        m = b.inv_m[i]
+        if m > real(0.0):
+            f = b.f[i] * m
+            b.v[i] += half * (wp.vec3d(wp.float64(f[0]), wp.float64(f[1]), wp.float64(f[2])) + gravity)
+        if wp.static(rotation):
+            b.w[i] += (real(half) * b.inv_i[i]) * b.tq[i]
+
+    @wp.func
+    def kick_drift(b: Bodies, i: int, pending: bool, dt: wp.float64, gravity: wp.vec3d):
+        """The second half kick of the last step where it is pending, the first of this one, and the drift."""
+        half = dt * wp.float64(0.5)
+        if pending:
+            kick(b, i, half, gravity)
+        kick(b, i, half, gravity)
+        b.x[i] += dt * b.v[i]
+        b.f[i] = vec3()
+        if wp.static(rotation):
+            b.tq[i] = vec3()
+        return wp.dot(b.v[i], b.v[i])
+
+    @wp.func
+    def add_pair(b: Bodies, i: int, j: int, f: vec3, torque: vec3, overlap: real):
+        b.f[i] += f
+        b.f[j] -= f
+        if wp.static(friction):
+            b.tq[i] -= lever(b, i, overlap) * torque
+            b.tq[j] -= lever(b, j, overlap) * torque
+
+    @wp.func
+    def near_pairs(
+        b: Bodies,
+        lists: Lists,
+        base: int,
+        count: int,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
+    ):
+        largest = real(0.0)
+        for q in range(count):
+            k = lists.near[base + q]
+            i, j = lists.i[k], lists.j[k]
+            f, torque, after, overlap = pair(b, i, j, lists.memory[k], table, columns, dt)
+            if overlap > real(0.0):
+                add_pair(b, i, j, f, torque, overlap)
+                lists.memory[k] = after
+                largest = wp.max(largest, overlap)
+            elif lists.memory[k][3] != real(0.0):
+                lists.memory[k] = vec4()
+        return largest
+
+    @wp.func
+    def wall_contacts(
+        b: Bodies,
+        lists: Lists,
+        base: int,
+        count: int,
+        features: wp.array(dtype=Wall),
+        total: int,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
+    ):
+        for q in range(count):
+            i, k = lists.wall_i[base + q], lists.wall_f[base + q]
+            slot = k * total + i
+            f, torque, after, overlap = wall(b, i, features[k], lists.wall_memory[slot], table, columns, dt)
+            if overlap > real(0.0):
+                b.f[i] += f
+                if wp.static(friction):
+                    b.tq[i] -= lever(b, i, overlap) * torque
+                lists.wall_memory[slot] = after
+            elif lists.wall_memory[slot][3] != real(0.0):
+                lists.wall_memory[slot] = vec4()
+
+    @wp.func
+    def big_contacts(
+        b: Bodies, lists: Lists, count: int, n: int, total: int, table: wp.array(dtype=PairClass), columns: int, dt: real
+    ):
+        largest = real(0.0)
+        for q in range(count):
+            i, j = lists.big_i[q], lists.big_j[q]
+            slot = (j - n) * total + i
+            f, torque, after, overlap = pair(b, i, j, lists.big_memory[slot], table, columns, dt)
+            if overlap > real(0.0):
+                add_pair(b, i, j, f, torque, overlap)
+                lists.big_memory[slot] = after
+                largest = wp.max(largest, overlap)
+            elif lists.big_memory[slot][3] != real(0.0):
+                lists.big_memory[slot] = vec4()
+        return largest
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def advance(
+        # inputs
+        part: int,
+        parts: int,
+        steps: int,
+        memory_dt: real,
+        dt: wp.float64,
+        gravity: wp.vec3d,
+        ranges: wp.array(dtype=wp.int32),
+        n: int,
+        total: int,
+        features: wp.array(dtype=Wall),
+        pair_table: wp.array(dtype=PairClass),
+        pair_columns: int,
+        wall_table: wp.array(dtype=PairClass),
+        wall_columns: int,
+        skin: wp.float64,
+        near_skin: wp.float64,
+        big_skin: wp.float64,
+        capacity: int,
+        wall_capacity: int,
+        big_capacity: int,
+        pair_count: wp.array(dtype=wp.int32),
+        wall_count: wp.array(dtype=wp.int32),
+        # outputs
+        b: Bodies,
+        lists: Lists,
+        near_count: wp.array(dtype=wp.int32),
+        state: wp.array(dtype=wp.int32),
+        travel: wp.array(dtype=wp.float64),
+    ):
+        zero, two = wp.float64(0.0), wp.float64(2.0)
+        begin, end = ranges[part], ranges[part + 1]
+        since_build = wp.float64(travel[0])
+        since_near = wp.float64(travel[1])
+        since_big = wp.float64(travel[2])
+        overlap = real(0.0)
+        done = int(0)
+        reason = int(DONE)
+        pending = int(0)
+        mid = int(state[4])
+        half = dt * wp.float64(0.5)
+        slot = 4 + 4 * part
+        going = int(1)
+        if wp.static(threads):
+            barrier(state, parts)
+        while going == 1 and (done < steps or mid == 1):
+            if mid == 0:
+                fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+                for i in range(begin, end):
+                    speed = kick_drift(b, i, pending == 1, dt, gravity)
+                    fastest = wp.max(fastest, speed)
+                    check += speed
+                if wp.static(bigs):
+                    if part == 0:
+                        for i in range(n, total):
+                            speed = kick_drift(b, i, pending == 1, dt, gravity)
+                            fastest_big = wp.max(fastest_big, speed)
+                            check += speed
+                if wp.static(threads):
+                    travel[slot] = fastest
+                    travel[slot + 1] = fastest_big
+                    travel[slot + 2] = check
+                    barrier(state, parts)
+                    for p in range(parts):
+                        fastest = wp.max(fastest, travel[4 + 4 * p])
+                        fastest_big = wp.max(fastest_big, travel[5 + 4 * p])
+                        check += travel[6 + 4 * p]
+                pending = 0
+                moved = dt * wp.sqrt(fastest)
+                since_build += moved
+                since_near += moved
+                if wp.static(bigs):
+                    since_big += moved + dt * wp.sqrt(fastest_big)
+                if not wp.isfinite(check):
+                    reason = int(NOT_FINITE)
+                    going = 0
+                elif two * since_near > near_skin and near_skin + two * since_build > skin:
+                    reason = int(REBUILD)
+                    going = 0
+                mid = 1
+            if going == 1:
+                if two * since_near > near_skin or since_near < zero:
+                    near_count[2 * part] = pick_near(
+                        b, lists, 2 * part * capacity, pair_count[2 * part], near_skin
+                    )
+                    near_count[2 * part + 1] = pick_near(
+                        b, lists, (2 * part + 1) * capacity, pair_count[2 * part + 1], near_skin
+                    )
+                    since_near = zero
+                if wp.static(bigs):
+                    if part == 0 and (since_big > big_skin or since_big < zero):
+                        found = pick_big(b, lists, n, total, big_skin, big_capacity)
+                        near_count[2 * parts] = found
+                    if since_big > big_skin or since_big < zero:
+                        since_big = zero
+                overlap = wp.max(
+                    overlap,
+                    near_pairs(
+                        b, lists, 2 * part * capacity, near_count[2 * part], pair_table, pair_columns, memory_dt
+                    ),
+                )
+                if wp.static(walls):
+                    wall_contacts(
+                        b,
+                        lists,
+                        part * wall_capacity,
+                        wall_count[part],
+                        features,
+                        total,
+                        wall_table,
+                        wall_columns,
+                        memory_dt,
+                    )
+                if wp.static(threads):
+                    barrier(state, parts)
+                if part == 0:
+                    if wp.static(threads):
+                        for p in range(parts):
+                            overlap = wp.max(
+                                overlap,
+                                near_pairs(
+                                    b,
+                                    lists,
+                                    (2 * p + 1) * capacity,
+                                    near_count[2 * p + 1],
+                                    pair_table,
+                                    pair_columns,
+                                    memory_dt,
+                                ),
+                            )
+                    if wp.static(bigs):
+                        overlap = wp.max(
+                            overlap,
+                            big_contacts(
+                                b,
+                                lists,
+                                wp.min(near_count[2 * parts], big_capacity),
+                                n,
+                                total,
+                                pair_table,
+                                pair_columns,
+                                memory_dt,
+                            ),
+                        )
+                if wp.static(threads):
+                    barrier(state, parts)
+                if wp.static(bigs):
+                    if near_count[2 * parts] > big_capacity:
+                        reason = int(BIG_OVERFLOW)
+                        going = 0
+                mid = 0
+                pending = 1
+                done += 1
+        if mid == 0 and pending == 1 and memory_dt > real(0.0):
+            for i in range(begin, end):
+                kick(b, i, half, gravity)
+            if wp.static(bigs):
+                if part == 0:
+                    for i in range(n, total):
+                        kick(b, i, half, gravity)
+        travel[slot + 3] = wp.float64(overlap)
+        if part == 0:
+            travel[0] = since_build
+            travel[1] = since_near
+            travel[2] = since_big
+            state[2] = done
+            state[3] = reason
+            state[4] = mid
+
+    return advance

@@ -1,0 +1,309 @@
+"""Neighbour lists on the CPU: particles sorted by cell, half lists with contact memory in the slots.
+
+Large bodies are kept apart behind the small ones, so that one ball does not inflate the cells of a bed. Small particles
+are sorted by cell, slowest along the longest axis; a thread owns a contiguous range of them, the pairs inside its range
+(region 2p) and those across to the next range (region 2p + 1).
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.types import types
+from dembench.solver.walls import wall_distance
+
+
+@cache
+def list_kernels(precision: str, curved: bool) -> Any:
+    """Kernels that sort particles and build lists; every kernel is serial and launched with dim = 1."""
+    t = types(precision)
+    real, vec4, Bodies, Lists, Wall = t.real, t.vec4, t.Bodies, t.Lists, t.Wall
+    distance_of = wall_distance(precision, curved)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def bounds(
+        # inputs
+        b: Bodies,
+        n: int,
+        # outputs
+        box: wp.array(dtype=wp.vec3d),
+    ):
+        low = wp.vec3d(b.x[0])
+        high = wp.vec3d(b.x[0])
+        for i in range(1, n):
+            low = wp.min(low, b.x[i])
+            high = wp.max(high, b.x[i])
+        box[0] = low
+        box[1] = high
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def sort(
+        # inputs
+        b: Bodies,
+        n: int,
+        origin: wp.vec3d,
+        inverse: wp.float64,
+        axis: wp.vec3i,
+        cells: wp.vec3i,
+        # outputs
+        cell: wp.array(dtype=wp.int32),
+        start: wp.array(dtype=wp.int32),
+        order: wp.array(dtype=wp.int32),
+    ):
+        """Counting sort by cell: order[new] = old; start[c] is the first particle of cell c, one entry more than cells."""
+        n_cells = cells[0] * cells[1] * cells[2]
+        for c in range(n_cells + 1):
+            start[c] = 0
+        for i in range(n):
+            p = (b.x[i] - origin) * inverse
+            u = wp.clamp(int(wp.floor(p[axis[0]])), 0, cells[0] - 1)
+            v = wp.clamp(int(wp.floor(p[axis[1]])), 0, cells[1] - 1)
+            w = wp.clamp(int(wp.floor(p[axis[2]])), 0, cells[2] - 1)
+            c = (u * cells[1] + v) * cells[2] + w
+            cell[i] = c
+            start[c + 1] += 1
+        for c in range(n_cells):
+            start[c + 1] += start[c]
+        for k in range(n):
+            i = n - 1 - k
+            c = cell[i]
+            last = start[c + 1] - 1
+            start[c + 1] = last
+            order[last] = i
+        for c in range(n_cells):
+            start[c] = start[c + 1]
+        start[n_cells] = n
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def permute(
+        # inputs
+        n: int,
+        total: int,
+        rows: int,
+        bigs: int,
+        order: wp.array(dtype=wp.int32),
+        b: Bodies,
+        identity: wp.array(dtype=wp.int32),
+        wall_memory: wp.array(dtype=vec4),
+        big_memory: wp.array(dtype=vec4),
+        # outputs
+        b_out: Bodies,
+        identity_out: wp.array(dtype=wp.int32),
+        wall_memory_out: wp.array(dtype=vec4),
+        big_memory_out: wp.array(dtype=vec4),
+        place: wp.array(dtype=wp.int32),
+    ):
+        """Moves all per-particle arrays into the new order; large bodies (from n on) stay where they are."""
+        for k in range(total):
+            i = k
+            if k < n:
+                i = order[k]
+            place[i] = k
+            b_out.x[k] = b.x[i]
+            b_out.v[k] = b.v[i]
+            b_out.w[k] = b.w[i]
+            b_out.f[k] = b.f[i]
+            b_out.tq[k] = b.tq[i]
+            b_out.radius[k] = b.radius[i]
+            b_out.inv_m[k] = b.inv_m[i]
+            b_out.inv_i[k] = b.inv_i[i]
+            b_out.kind[k] = b.kind[i]
+            identity_out[k] = identity[i]
+            for row in range(rows):
+                wall_memory_out[row * total + k] = wall_memory[row * total + i]
+            for row in range(bigs):
+                big_memory_out[row * total + k] = big_memory[row * total + i]
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def collect(
+        # inputs
+        old: Lists,
+        regions: int,
+        capacity: int,
+        count: wp.array(dtype=wp.int32),
+        place: wp.array(dtype=wp.int32),
+        n: int,
+        # outputs
+        head: wp.array(dtype=wp.int32),
+        follow: wp.array(dtype=wp.int32),
+    ):
+        """Chains the pairs that have a memory to the lower of their new indices, so that the new lists can find them."""
+        for i in range(n):
+            head[i] = -1
+        for r in range(regions):
+            for q in range(count[r]):
+                k = r * capacity + q
+                if old.memory[k][3] != real(0.0):
+                    lower = wp.min(place[old.i[k]], place[old.j[k]])
+                    follow[k] = head[lower]
+                    head[lower] = k
+
+    @wp.func
+    def carried(
+        i: int,
+        j: int,
+        old: Lists,
+        place: wp.array(dtype=wp.int32),
+        head: wp.array(dtype=wp.int32),
+        follow: wp.array(dtype=wp.int32),
+    ):
+        found = vec4()
+        k = head[i]
+        while k >= 0:
+            a, c = place[old.i[k]], place[old.j[k]]
+            if a == i and c == j:
+                found = old.memory[k]
+            if a == j and c == i:
+                m = old.memory[k]
+                found = vec4(-m[0], -m[1], -m[2], m[3])
+            k = follow[k]
+        return found
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def build(
+        # inputs
+        part: int,
+        parts: int,
+        ranges: wp.array(dtype=wp.int32),
+        b: Bodies,
+        skin: wp.float64,
+        origin: wp.vec3d,
+        inverse: wp.float64,
+        axis: wp.vec3i,
+        cells: wp.vec3i,
+        start: wp.array(dtype=wp.int32),
+        old: Lists,
+        place: wp.array(dtype=wp.int32),
+        head: wp.array(dtype=wp.int32),
+        follow: wp.array(dtype=wp.int32),
+        capacity: int,
+        # outputs
+        lists: Lists,
+        count: wp.array(dtype=wp.int32),
+    ):
+        """Lists the pairs of the part's own particles with a gap below the skin; counts beyond the capacity, too."""
+        end = ranges[part + 1]
+        inside, across = int(0), int(0)
+        for i in range(ranges[part], end):
+            xi = b.x[i]
+            ri = b.radius[i]
+            p = (xi - origin) * inverse
+            u = wp.clamp(int(wp.floor(p[axis[0]])), 0, cells[0] - 1)
+            v = wp.clamp(int(wp.floor(p[axis[1]])), 0, cells[1] - 1)
+            w = wp.clamp(int(wp.floor(p[axis[2]])), 0, cells[2] - 1)
+            w0, w1 = wp.max(w - 1, 0), wp.min(w + 1, cells[2] - 1)
+            for row in range(5):
+                # the own column from i on, then the next column of this layer, then three of the next layer
+                uu, vv, first = u, v, i + 1
+                if row == 1:
+                    vv = v + 1
+                if row > 1:
+                    uu = u + 1
+                    vv = v + row - 3
+                last = int(0)
+                if uu < cells[0] and vv >= 0 and vv < cells[1]:
+                    base = (uu * cells[1] + vv) * cells[2]
+                    last = start[base + w1 + 1]
+                    if row > 0:
+                        first = start[base + w0]
+                for j in range(first, last):
+                    d = xi - b.x[j]
+                    reach = ri + b.radius[j] + skin
+                    if wp.dot(d, d) < reach * reach:
+                        if j < end:
+                            if inside < capacity:
+                                k = 2 * part * capacity + inside
+                                lists.i[k] = i
+                                lists.j[k] = j
+                                lists.memory[k] = carried(i, j, old, place, head, follow)
+                            inside += 1
+                        else:
+                            if across < capacity:
+                                k = (2 * part + 1) * capacity + across
+                                lists.i[k] = i
+                                lists.j[k] = j
+                                lists.memory[k] = carried(i, j, old, place, head, follow)
+                            across += 1
+        count[2 * part] = inside
+        count[2 * part + 1] = across
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def build_walls(
+        # inputs
+        part: int,
+        first: int,
+        last: int,
+        b: Bodies,
+        walls: wp.array(dtype=Wall),
+        n_walls: int,
+        skin: wp.float64,
+        total: int,
+        base: int,
+        capacity: int,
+        # outputs
+        lists: Lists,
+        count: wp.array(dtype=wp.int32),
+    ):
+        """Lists the particles first..last near a wall feature; the memory of those that are not near is cleared."""
+        found = int(count[part])
+        for i in range(first, last):
+            for k in range(n_walls):
+                distance, _n = distance_of(walls[k], b.x[i])
+                if distance - b.radius[i] < skin:
+                    if found < capacity:
+                        lists.wall_i[base + found] = i
+                        lists.wall_f[base + found] = k
+                    found += 1
+                else:
+                    lists.wall_memory[k * total + i] = vec4()
+        count[part] = found
+
+    return SimpleNamespace(
+        bounds=bounds, sort=sort, permute=permute, collect=collect, build=build, build_walls=build_walls
+    )
+
+
+@cache
+def near_functions(precision: str) -> Any:
+    """Warp functions that pick the near pairs of a region and the candidates of the large bodies."""
+    t = types(precision)
+    real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
+
+    @wp.func
+    def pick_near(b: Bodies, lists: Lists, base: int, count: int, skin: wp.float64):
+        """Writes the pairs of a region with a gap below `skin` into `near` and returns their number."""
+        found = int(0)
+        for q in range(count):
+            k = base + q
+            i, j = lists.i[k], lists.j[k]
+            d = b.x[i] - b.x[j]
+            reach = b.radius[i] + b.radius[j] + skin
+            if wp.dot(d, d) < reach * reach:
+                lists.near[base + found] = k
+                found += 1
+            elif lists.memory[k][3] != real(0.0):
+                lists.memory[k] = vec4()
+        return found
+
+    @wp.func
+    def pick_big(b: Bodies, lists: Lists, n: int, total: int, skin: wp.float64, capacity: int):
+        """Lists all bodies within `skin` of each large body n..total; returns their number, also beyond the capacity."""
+        found = int(0)
+        for j in range(n, total):
+            xj = b.x[j]
+            rj = b.radius[j] + skin
+            for i in range(j):
+                d = b.x[i] - xj
+                reach = b.radius[i] + rj
+                if wp.dot(d, d) < reach * reach:
+                    if found < capacity:
+                        lists.big_i[found] = i
+                        lists.big_j[found] = j
+                    found += 1
+                elif lists.big_memory[(j - n) * total + i][3] != real(0.0):
+                    lists.big_memory[(j - n) * total + i] = vec4()
+        return found
+
+    return SimpleNamespace(pick_near=pick_near, pick_big=pick_big)

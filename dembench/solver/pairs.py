@@ -1,0 +1,122 @@
+"""Constants of every pair that can touch, and how a kernel looks them up."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from dembench.scene import Scene
+from dembench.solver.laws import Elastic, pair_constants
+from dembench.solver.types import types
+from dembench.solver.units import Units
+from dembench.solver.walls import wall_materials
+
+ONE, TABLE, RADII = "one", "table", "radii"
+"""How pair constants are found: one for all pairs; a table over species; a table over materials scaled by radii."""
+
+
+def lookup_mode(scene: Scene) -> str:
+    """The cheapest lookup that is exact for the scene."""
+    if scene.constraints or scene.bodies.radius is not None:
+        return RADII
+    return ONE if len(np.unique(scene.bodies.species)) <= 1 else TABLE
+
+
+def kinds(scene: Scene) -> np.ndarray:
+    """Index of each body into the pair tables, shape (n,): 0 where one kind serves all."""
+    return np.zeros(len(scene.bodies), np.int32) if lookup_mode(scene) == ONE else scene.bodies.species
+
+
+def pair_table(scene: Scene, units: Units, precision: str) -> wp.array:
+    """Constants of the pairs of species as an array of PairClass, row-major over kinds."""
+    table = _species(scene)
+    records = []
+    for a in table:
+        for b in table:
+            ra, rb, ma, mb = a.radius, b.radius, _mass(scene, a), _mass(scene, b)
+            radius, mass = ra * rb / (ra + rb), ma * mb / (ma + mb)
+            records.append((a.material, b.material, radius, mass))
+    return _table(scene, units, precision, records)
+
+
+def wall_table(scene: Scene, units: Units, precision: str) -> wp.array:
+    """Constants of species against wall materials as an array of PairClass, row-major over kinds, then materials."""
+    walls = wall_materials(scene) or [scene.species[0].material]
+    records = [(s.material, w, s.radius, _mass(scene, s)) for s in _species(scene) for w in walls]
+    return _table(scene, units, precision, records)
+
+
+def _species(scene: Scene) -> list[Any]:
+    if lookup_mode(scene) == ONE and len(scene.bodies):
+        return [scene.species[int(scene.bodies.species[0])]]
+    return list(scene.species)
+
+
+def _mass(scene: Scene, species: Any) -> float:
+    return scene.material(species.material).density * 4 / 3 * np.pi * species.radius**3
+
+
+def _table(scene: Scene, units: Units, precision: str, rows: list[tuple[str, str, float, float]]) -> wp.array:
+    PairClass = types(precision).PairClass
+    unscaled = lookup_mode(scene) == RADII
+    records = []
+    for a, b, radius, mass in rows:
+        record = PairClass()
+        try:
+            law = scene.pair_law(a, b)
+        except KeyError:
+            records.append(record)
+            continue
+        if unscaled:
+            radius, mass = units.length, units.mass
+        elastic = Elastic.of(scene.material(a), scene.material(b), law)
+        for name, value in pair_constants(elastic, law, radius, mass, units).items():
+            setattr(record, name, value)
+        records.append(record)
+    return wp.array(records, dtype=PairClass, device="cpu")
+
+
+@cache
+def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
+    """Warp functions (bodies, i, j, table, columns) -> PairClass and (bodies, i, k, table, columns) -> PairClass.
+
+    The first is for two bodies, the second for a body and wall material k.
+    """
+    t = types(precision)
+    real, Bodies, PairClass = t.real, t.Bodies, t.PairClass
+
+    @wp.func
+    def scaled(c: PairClass, radius: real, inverse_mass: real):
+        root = wp.sqrt(radius)
+        m = real(1.0) / wp.max(inverse_mass, real(1.0e-30))
+        dashpot = wp.sqrt(root * m)
+        c.kn = c.kn * root
+        c.kt = c.kt * root
+        c.dn = c.dn * dashpot
+        c.dt = c.dt * dashpot
+        c.m = m
+        return c
+
+    @wp.func
+    def of_pair(b: Bodies, i: int, j: int, table: wp.array(dtype=PairClass), columns: int):
+        if wp.static(mode == ONE):
+            c = table[0]
+        else:
+            c = table[b.kind[i] * columns + b.kind[j]]
+            if wp.static(mode == RADII):
+                ri, rj = real(b.radius[i]), real(b.radius[j])
+                c = scaled(c, ri * rj / (ri + rj), b.inv_m[i] + b.inv_m[j])
+        return c
+
+    @wp.func
+    def of_wall(b: Bodies, i: int, k: int, table: wp.array(dtype=PairClass), columns: int):
+        if wp.static(mode == ONE):
+            c = table[k]
+        else:
+            c = table[b.kind[i] * columns + k]
+            if wp.static(mode == RADII):
+                c = scaled(c, real(b.radius[i]), b.inv_m[i])
+        return c
+
+    return of_pair, of_wall

@@ -1,0 +1,304 @@
+"""The state of a simulation in scene units: sorted particle arrays, their lists, and the rebuild of both."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from dembench.scene import Scene
+from dembench.solver.neighbours import list_kernels
+from dembench.solver.pairs import kinds
+from dembench.solver.types import types
+from dembench.solver.units import Units
+from dembench.solver.walls import wall_features
+
+BIG_RATIO = 3.0
+"""A body is kept apart as large where its radius exceeds this many median radii."""
+BIG_LIMIT = 16
+"""At most this many bodies are kept apart; a scene with more is sorted as a whole."""
+
+
+class State:
+    """Particle arrays in scene units, sorted by cell, with half lists for one or more threads.
+
+    Attributes:
+        n, total: Number of small particles, which are sorted, and of all; the large bodies stand behind them.
+        bodies, lists: The Warp records that kernels take.
+        skin: Gap up to which pairs are listed [scene units].
+    """
+
+    def __init__(self, scene: Scene, units: Units, precision: str, threads: int, skin: float):
+        self.units, self.skin = units, skin
+        self.types = types(precision)
+        radii = scene.radii() / units.length
+        big = np.flatnonzero(radii > BIG_RATIO * np.median(radii)) if len(radii) else np.empty(0, int)
+        if len(big) > BIG_LIMIT:
+            big = np.empty(0, int)
+        self.total = len(radii)
+        self.n = self.total - len(big)
+        self.identity_start = np.concatenate([np.setdiff1d(np.arange(self.total), big), big]).astype(np.int32)
+        self.parts = max(1, min(threads, self.n // 64))
+        self.features, self.wall_names = wall_features(scene, units, precision)
+        self.n_walls = len(self.wall_names)
+        curved = bool(self.n_walls) and any(int(f["shape"]) != 0 for f in self.features.numpy())
+        self.kernels = list_kernels(precision, curved)
+        self.reach = 2 * float(radii[self.identity_start[: self.n]].max(initial=0.5))
+        self.rebuilds = 0
+        self._pool = ThreadPoolExecutor(self.parts) if self.parts > 1 else None
+        self._allocate(max(1, self.total))
+        self._fill(scene, radii)
+        self._lists(10)
+
+    # ---- allocation
+
+    def _bodies(self, n: int) -> Any:
+        t = self.types
+        b = t.Bodies()
+        b.x, b.v = wp.zeros(n, dtype=wp.vec3d, device="cpu"), wp.zeros(n, dtype=wp.vec3d, device="cpu")
+        b.w, b.f, b.tq = (wp.zeros(n, dtype=t.vec3, device="cpu") for _ in range(3))
+        b.radius = wp.zeros(n, dtype=wp.float64, device="cpu")
+        b.inv_m, b.inv_i = (wp.zeros(n, dtype=t.real, device="cpu") for _ in range(2))
+        b.kind = wp.zeros(n, dtype=wp.int32, device="cpu")
+        return b
+
+    def _ints(self, n: int) -> wp.array:
+        return wp.zeros(max(1, n), dtype=wp.int32, device="cpu")
+
+    def _memory(self, n: int) -> wp.array:
+        return wp.zeros(max(1, n), dtype=self.types.vec4, device="cpu")
+
+    def _allocate(self, n: int) -> None:
+        self.bodies, self._spare = self._bodies(n), self._bodies(n)
+        self.identity, self._identity_spare = self._ints(n), self._ints(n)
+        self.big_rows = self.total - self.n
+        self._wall_spare = self._memory(self.n_walls * n)
+        self._big_spare = self._memory(self.big_rows * n)
+        self.cell, self.order, self.place, self.head = (self._ints(n) for _ in range(4))
+        self.pair_count = self._ints(2 * self.parts)
+        self.wall_count = self._ints(self.parts)
+        self.near_count = self._ints(2 * self.parts + 1)
+        ranges = np.linspace(0, self.n, self.parts + 1).round().astype(np.int32)
+        self.ranges_host = ranges
+        self.ranges = wp.array(ranges, dtype=wp.int32, device="cpu")
+
+    def _lists(self, per_particle: int) -> None:
+        """Lists with room for `per_particle` pairs of every particle."""
+        self.capacity = max(64, per_particle * self.n // self.parts)
+        self.wall_capacity = max(64, self.n // 2)
+        self.big_capacity = 4096 + self.n // 16
+        self.lists = self._new_lists()
+        self._old = self._new_lists()
+        self._old.wall_i = self._old.wall_f = self._old.big_i = self._old.big_j = self._ints(1)
+        self._follow = self._ints(2 * self.parts * self.capacity)
+
+    def _new_lists(self) -> Any:
+        lists = self.types.Lists()
+        pairs = 2 * self.parts * self.capacity
+        lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
+        lists.memory = self._memory(pairs)
+        lists.wall_i, lists.wall_f = (self._ints(self.parts * self.wall_capacity) for _ in range(2))
+        lists.wall_memory = self._memory(self.n_walls * self.total)
+        lists.big_i, lists.big_j = self._ints(self.big_capacity), self._ints(self.big_capacity)
+        lists.big_memory = self._memory(self.big_rows * self.total)
+        return lists
+
+    def _fill(self, scene: Scene, radii: np.ndarray) -> None:
+        """Puts the scene's initial state into the arrays."""
+        u, ids = self.units, self.identity_start
+        if not len(ids):
+            return
+        mass = scene.masses() / u.mass
+        inverse_mass, inverse_inertia = 1 / mass, 1 / (0.4 * mass * radii**2)
+        for constraint in scene.constraints:
+            held = list(constraint.bodies)
+            inverse_inertia[held] = 0
+            if constraint.kind != "rotation-locked":
+                inverse_mass[held] = 0
+        self.identity.assign(ids)
+        b = self.bodies
+        b.radius.assign(radii[ids])
+        b.inv_m.assign(inverse_mass[ids])
+        b.inv_i.assign(inverse_inertia[ids])
+        b.kind.assign(kinds(scene)[ids])
+        velocity, spin = scene.bodies.velocity.copy(), scene.bodies.angular_velocity.copy()
+        for constraint in scene.constraints:
+            held = list(constraint.bodies)
+            if constraint.kind == "fixed":
+                velocity[held] = 0
+            if constraint.kind != "kinematic":
+                spin[held] = 0
+        self.write(scene.bodies.position, velocity, spin)
+
+    # ---- state in and out, in the order of the scene
+
+    def write(self, position: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> None:
+        """Takes positions [m], velocities [m/s] and angular velocities [rad/s], shape (n, 3), in the scene's order."""
+        ids, u = self.identity.numpy(), self.units
+        self.bodies.x.assign(position[ids] / u.length)
+        self.bodies.v.assign(velocity[ids] / u.velocity)
+        self.bodies.w.assign((spin[ids] * u.time).astype(self.types.real.__name__))
+
+    def read(self, name: str, scale: float) -> np.ndarray:
+        """One of the arrays x, v, w, f, tq in the scene's order, times a unit, shape (n, 3), float64."""
+        values = getattr(self.bodies, name).numpy()
+        out = np.empty((self.total, 3))
+        out[self.identity.numpy()[: self.total]] = values[: self.total]
+        return out * scale
+
+    # ---- rebuild
+
+    def rebuild(self) -> None:
+        """Sorts the small particles by cell and builds all lists anew; contact memory is carried over."""
+        self.rebuilds += 1
+        grid = self._sort()
+        while True:
+            self._build(grid)
+            needed = int(self.pair_count.numpy().max())
+            if needed <= self.capacity:
+                break
+            self._grow(needed)
+        self._build_walls()
+        self.near_count.zero_()
+
+    def _sort(self) -> tuple[Any, ...]:
+        launch, n, b = self._launch, self.n, self.bodies
+        if n == 0:
+            empty = (wp.vec3d(), 1.0, wp.vec3i(0, 1, 2), wp.vec3i(1, 1, 1))
+            self.start = self._ints(2)
+            launch(self.kernels.permute, 0, self.total, *self._permuted())
+            self._swap()
+            return empty
+        box = wp.zeros(2, dtype=wp.vec3d, device="cpu")
+        launch(self.kernels.bounds, b, n, box)
+        low, high = box.numpy()
+        if not (np.isfinite(low).all() and np.isfinite(high).all()):
+            low, high = np.zeros(3), np.ones(3)
+        edge = (self.reach + self.skin) * (1 + 1e-9)
+        # a few particles far away must not make a grid of mostly empty cells
+        while np.prod(np.floor((high - low) / edge) + 1) > 8 * n + 64:
+            edge *= 1.26
+        axis = np.argsort(-(high - low), kind="stable").astype(int)
+        cells = (np.floor((high - low) / edge) + 1)[axis].astype(int)
+        grid = (wp.vec3d(*low), 1 / edge, wp.vec3i(*axis.tolist()), wp.vec3i(*cells.tolist()))
+        self.start = self._ints(int(cells.prod()) + 1)
+        launch(self.kernels.sort, b, n, *grid, self.cell, self.start, self.order)
+        launch(self.kernels.permute, n, self.total, *self._permuted())
+        self._swap()
+        return grid
+
+    def _permuted(self) -> list[Any]:
+        out = [self.n_walls, self.big_rows, self.order, self.bodies, self.identity]
+        out += [self.lists.wall_memory, self.lists.big_memory]
+        return [*out, self._spare, self._identity_spare, self._wall_spare, self._big_spare, self.place]
+
+    def _swap(self) -> None:
+        self.bodies, self._spare = self._spare, self.bodies
+        self.identity, self._identity_spare = self._identity_spare, self.identity
+        self.lists.wall_memory, self._wall_spare = self._wall_spare, self.lists.wall_memory
+        self.lists.big_memory, self._big_spare = self._big_spare, self.lists.big_memory
+        # the pair arrays become the old ones; the new ones are written by the build
+        for name in ("i", "j", "memory"):
+            ours, theirs = getattr(self.lists, name), getattr(self._old, name)
+            setattr(self.lists, name, theirs)
+            setattr(self._old, name, ours)
+        self._old_capacity = self.capacity
+        self._launch(
+            self.kernels.collect,
+            self._old,
+            2 * self.parts,
+            self.capacity,
+            self.pair_count,
+            self.place,
+            self.n,
+            self.head,
+            self._follow,
+        )
+
+    def _build(self, grid: tuple[Any, ...]) -> None:
+        def one(part: int) -> None:
+            self._launch(
+                self.kernels.build,
+                part,
+                self.parts,
+                self.ranges,
+                self.bodies,
+                self.skin,
+                *grid,
+                self.start,
+                self._old,
+                self.place,
+                self.head,
+                self._follow,
+                self.capacity,
+                self.lists,
+                self.pair_count,
+            )
+
+        self.each_part(one)
+
+    def _grow(self, needed: int) -> None:
+        """Larger lists; the old pairs stay where they are until the build has carried their memory over."""
+        self.capacity = int(1.2 * needed) + 64
+        pairs = 2 * self.parts * self.capacity
+        self.lists.i, self.lists.j, self.lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
+        self.lists.memory = self._memory(pairs)
+
+    def _build_walls(self) -> None:
+        if not self.n_walls:
+            return
+        while True:
+            self.wall_count.zero_()
+            for part in range(self.parts):
+                spans = [(int(self.ranges_host[part]), int(self.ranges_host[part + 1]))]
+                if part == 0:
+                    spans.append((self.n, self.total))
+                for first, last in spans:
+                    # large bodies are tested against all walls in every step: they outrun the skin of the small ones
+                    skin = self.skin if last <= self.n else 1e30
+                    self._launch(
+                        self.kernels.build_walls,
+                        part,
+                        first,
+                        last,
+                        self.bodies,
+                        self.features,
+                        self.n_walls,
+                        skin,
+                        self.total,
+                        part * self.wall_capacity,
+                        self.wall_capacity,
+                        self.lists,
+                        self.wall_count,
+                    )
+            needed = int(self.wall_count.numpy().max())
+            if needed <= self.wall_capacity:
+                return
+            self.wall_capacity = int(1.2 * needed) + 64
+            self.lists.wall_i, self.lists.wall_f = (self._ints(self.parts * self.wall_capacity) for _ in range(2))
+
+    def grow_big(self) -> None:
+        """Makes room for more candidates of the large bodies."""
+        self.big_capacity = int(1.2 * int(self.near_count.numpy()[-1])) + 64
+        self.lists.big_i, self.lists.big_j = self._ints(self.big_capacity), self._ints(self.big_capacity)
+
+    # ---- launching
+
+    def _launch(self, kernel: Any, *arguments: Any) -> None:
+        wp.launch(kernel, dim=1, inputs=list(arguments), device="cpu")
+
+    def each_part(self, work: Any) -> None:
+        """Calls work(part) for every part, each in its own thread where there are several."""
+        if self._pool is None:
+            work(0)
+        else:
+            list(self._pool.map(work, range(self.parts)))
+
+    def memory_bytes(self) -> int:
+        """Bytes held by all arrays of the state."""
+        records = (self.bodies, self._spare, self.lists, self._old)
+        arrays = {id(a): a for r in records for a in (getattr(r, k) for k in r._cls.vars)}
+        own = {id(a): a for a in vars(self).values() if isinstance(a, wp.array)}
+        return sum(a.capacity for a in {**arrays, **own}.values())

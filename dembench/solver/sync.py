@@ -1,0 +1,25 @@
+"""A barrier between the threads of one step, inside compiled code: no return to the interpreter within a block of steps."""
+
+import warp as wp
+
+# Spins briefly, then yields the core: a waiting thread must not keep a core from the one that it waits for.
+_BARRIER = """
+    int generation = __atomic_load_n(&state.data[1], __ATOMIC_ACQUIRE);
+    if (__atomic_add_fetch(&state.data[0], 1, __ATOMIC_ACQ_REL) == threads) {
+        __atomic_store_n(&state.data[0], 0, __ATOMIC_RELAXED);
+        __atomic_store_n(&state.data[1], generation + 1, __ATOMIC_RELEASE);
+    } else {
+        int spins = 0;
+        while (__atomic_load_n(&state.data[1], __ATOMIC_ACQUIRE) == generation) {
+            if (++spins < 20000) continue;
+#if defined(__x86_64__) && defined(__linux__)
+            long result;
+            __asm__ volatile("syscall" : "=a"(result) : "a"(24L) : "rcx", "r11", "memory");
+#endif
+        }
+    }
+"""
+
+
+@wp.func_native(_BARRIER)
+def barrier(state: wp.array(dtype=wp.int32), threads: int): ...

@@ -1,0 +1,87 @@
+"""Array and record types of the solver in one floating-point precision.
+
+Positions and velocities are always float64: with single precision a slow particle far from the origin would not move
+at all, and g dt would be rounded away. Differences, spins, forces and contact memory are `real`: float32 unless the
+user asks for float64.
+"""
+
+# Annotations are read by Warp when a record is made, so they must be types and not strings here.
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+
+@cache
+def types(precision: str) -> Any:
+    """Types of a precision ("float32" or "float64"): real, vec3, vec4 and the records Bodies, PairClass, Wall, Lists.
+
+    Bodies: the particle arrays. x, v: position and velocity; w: angular velocity; f, tq: force and torque; inv_m,
+    inv_i: inverse mass and moment of inertia, 0 where the motion is prescribed; kind: species.
+
+    PairClass: constants of a pair of species, of a species and a wall, or of two radii. radii: sum of the radii;
+    kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4);
+    mu: friction; m: reduced mass; e, beta: normal and tangential restitution.
+
+    Wall: one feature of a wall. shape: 0 plane, 1 mantle of revolution.
+
+    Lists: pairs (i, j) within the skin and their contact memory, the subset that is near, and wall candidates.
+    """
+    real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
+    vec3: Any = wp.types.vector(3, real)
+    vec4: Any = wp.types.vector(4, real)
+
+    class Bodies:
+        x: wp.array(dtype=wp.vec3d)
+        v: wp.array(dtype=wp.vec3d)
+        w: wp.array(dtype=vec3)
+        f: wp.array(dtype=vec3)
+        tq: wp.array(dtype=vec3)
+        radius: wp.array(dtype=wp.float64)
+        inv_m: wp.array(dtype=real)
+        inv_i: wp.array(dtype=real)
+        kind: wp.array(dtype=wp.int32)
+
+    class PairClass:
+        kn: real
+        kt: real
+        dn: real
+        dt: real
+        mu: real
+        m: real
+        e: real
+        beta: real
+
+    class Wall:
+        shape: wp.int32
+        kind: wp.int32
+        outside: wp.int32
+        point: wp.vec3d
+        axis: wp.vec3d
+        length: wp.float64
+        r0: wp.float64
+        r1: wp.float64
+        velocity: wp.vec3d
+        spin: wp.vec3d
+        centre: wp.vec3d
+
+    class Lists:
+        i: wp.array(dtype=wp.int32)
+        j: wp.array(dtype=wp.int32)
+        memory: wp.array(dtype=vec4)
+        near: wp.array(dtype=wp.int32)
+        wall_i: wp.array(dtype=wp.int32)
+        wall_f: wp.array(dtype=wp.int32)
+        wall_memory: wp.array(dtype=vec4)
+        big_i: wp.array(dtype=wp.int32)
+        big_j: wp.array(dtype=wp.int32)
+        big_memory: wp.array(dtype=vec4)
+
+    records = {}
+    for record in (Bodies, PairClass, Wall, Lists):
+        name = record.__name__
+        record.__qualname__ = record.__name__ = f"{name}_{precision}"
+        records[name] = wp.struct(record)
+    return SimpleNamespace(precision=precision, real=real, vec3=vec3, vec4=vec4, **records)
