@@ -95,7 +95,7 @@ def _overlaps(scene: Scene) -> Iterator[str]:
             k = int(np.argmax(overlap))
             worst, pair = float(overlap[k]), (int(a[k]), int(b[k]))
     if count:
-        a, b = pair
+        a, b = sorted(pair)
         touching = radius[a] + radius[b]
         distance = touching - worst * min(radius[a], radius[b])
         yield (

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
 
-from dembench.scene.base import Direction, Finite, Model, Name, NotNegative, Positive, Vector
+from dembench.scene.base import Direction, Model, Name, NotNegative, Positive, Vector
 
 
 class Motion(Model):
@@ -180,15 +180,14 @@ class _Axial(Wall):
         cos, sin = length / slant, (r1 - r0) / slant
         mantle = (r0 - radial) * cos + along * sin
         foot = along * cos + (radial - r0) * sin
-        beyond_start, beyond_end = along < 0, along > length
-        for open_end, rim in (
-            (~np.bool_(self.closed_start) & (foot < 0), np.hypot(along, radial - r0)),
-            (~np.bool_(self.closed_end) & (foot > slant), np.hypot(along - length, radial - r1)),
-        ):
-            behind = (mantle < 0) & ~beyond_start & ~beyond_end
-            mantle = np.where(open_end, np.where(behind, -rim, rim), mantle)
-        if self.outside:
-            mantle = np.where(beyond_start | beyond_end, mantle, -mantle)
+        open_start, open_end = not self.closed_start, not self.closed_end
+        rim_start, rim_end = np.hypot(along, radial - r0), np.hypot(along - length, radial - r1)
+        nearest = np.abs(mantle)
+        nearest = np.where(open_start & (foot < 0), rim_start, nearest)
+        nearest = np.where(open_end & (foot > slant), rim_end, nearest)
+        beyond = (open_start & (along < 0)) | (open_end & (along > length))
+        behind = ~beyond & ((mantle > 0) if self.outside else (mantle < 0))
+        mantle = np.where(behind, -nearest, nearest)
         if self.closed_start:
             mantle = np.minimum(mantle, along)
         if self.closed_end:
@@ -256,7 +255,7 @@ def _triangles(value: Any) -> np.ndarray:
 Triangles = Annotated[
     Any,
     BeforeValidator(_triangles),
-    PlainSerializer(lambda array: array.tolist(), return_type=list[list[tuple[Finite, Finite, Finite]]]),
+    PlainSerializer(lambda array: array.tolist(), return_type=list),
     Field(json_schema_extra={"type": "array", "minItems": 1, "items": {"type": "array", "minItems": 3, "maxItems": 3}}),
 ]
 
