@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +107,7 @@ def _load_bodies(path: Path, reference: dict[str, Any]) -> Bodies:
         bodies = Bodies(**arrays)
     except ValidationError as error:
         raise SceneError(explain(error, str(path.parent / name))) from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise SceneError(f"{path}: bodies.file: cannot read {name}: {error}") from None
     if reference.get("sha256") not in (None, bodies.digest()):
         raise SceneError(f"{path}: bodies.sha256: {name} is not the file that this scene was saved with")

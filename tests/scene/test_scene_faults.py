@@ -251,6 +251,15 @@ def test_arrays_of_another_scene_are_refused(tmp_path):
         load_scene(path)
 
 
+@pytest.mark.parametrize("content", [b"", b"PK", b"not an archive", b"PK\x03\x04" + 40 * b"x"])
+def test_damaged_arrays_are_refused(tmp_path, content):
+    path = tmp_path / "scene.json"
+    (tmp_path / "scene.npz").write_bytes(content)
+    path.write_text(json.dumps(at("bodies", value={"file": "scene.npz"})))
+    with pytest.raises(SceneError, match=r"scene\.npz"):
+        load_scene(path)
+
+
 def test_pickled_arrays_are_refused(tmp_path):
     path = tmp_path / "scene.json"
     np.savez(tmp_path / "scene.npz", position=np.array([{"a": 1}], dtype=object))
