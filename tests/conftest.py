@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+import time
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -98,3 +100,29 @@ def falling_tracks(scene: Scene, dt: float) -> Tracks:
         position=np.array([f.position[tracked] for f in frames]),
         velocity=np.array([f.velocity[tracked] for f in frames]),
     )
+
+
+@pytest.fixture
+def standin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
+    """Registers the stand-in engines; call it with what each does, as `standin={"standin": ["hang", 4]}`."""
+    from standin import ENGINES
+
+    from dembench.engines import registry
+
+    registry.engine.cache_clear()
+    monkeypatch.setattr(registry, "BUILT_IN", dict(ENGINES))
+
+    def behave(**modes: list[Any]) -> None:
+        monkeypatch.setenv("STANDIN", json.dumps({name.replace("_", "-"): mode for name, mode in modes.items()}))
+
+    yield behave
+    registry.engine.cache_clear()
+
+
+def wait_for(condition: Callable[[], Any], seconds: float = 30.0) -> Any:
+    """Waits until a condition holds and returns its value; fails after a time that no healthy run needs."""
+    deadline = time.monotonic() + seconds
+    while not (value := condition()):
+        assert time.monotonic() < deadline, "the awaited condition did not come about"
+        time.sleep(0.02)
+    return value

@@ -195,6 +195,10 @@ class Engine(ABC):
     def read(self, scene: Scene, settings: Any, directory: Path) -> Series:
         """Reads what the engine has written so far into the directory."""
 
+    def estimate(self, scene: Scene, settings: Any) -> float | None:
+        """Estimated wall time of a run [s], for planning; None where the engine has no guess."""
+        return None
+
     def settings(self, scene: Scene, division: Division, overrides: dict[str, str] | None = None) -> Any:
         """The settings of a run: defaults of the division, then overrides; `dt` is fitted to the sampling.
 

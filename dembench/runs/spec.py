@@ -7,6 +7,8 @@ import json
 import re
 from typing import Any
 
+from pydantic import Field
+
 from dembench.scene.base import Model
 
 HASHED = (
@@ -48,8 +50,8 @@ class RunSpec(Model):
     preset: str | None = None
     engine: str
     engine_version: str = ""
-    overrides: dict[str, str] = {}
-    settings: dict[str, Any] = {}
+    overrides: dict[str, str] = Field(default_factory=dict)
+    settings: dict[str, Any] = Field(default_factory=dict)
     division: str = "closed"
     seed: int = 0
     repeat: int = 1

@@ -1,0 +1,349 @@
+"""The command line: verbs that parse, call and print."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from dembench import __version__, campaign, console
+from dembench.campaign import Request
+from dembench.cases import registry as cases_registry
+from dembench.cases.base import CaseError
+from dembench.engines import registry
+from dembench.engines.base import Probe, SettingsError
+from dembench.engines.registry import UnknownEngine
+from dembench.initial.cache import cache_directory
+from dembench.results import validate as validate_file
+from dembench.runs.directory import find_runs
+from dembench.runs.environment import machine
+from dembench.runs.plan import PlannedRun, RequestError, parse_engines
+from dembench.runs.scheduler import Job
+from dembench.runs.supervise import CHECKPOINT
+from dembench.scene import Scene, SceneError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="One description of a granular scene, run on many discrete-element engines, scored and reported.",
+)
+
+What = Annotated[list[str], typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")]
+Engines = Annotated[str | None, typer.Option(help="a,b[dt=1e-6,...]; default: all that are installed")]
+PresetName = Annotated[Literal["quick", "published"] | None, typer.Option(help="default: quick")]
+Initial = Annotated[Path | None, typer.Option(help="file or directory with the published initial state")]
+Seeds = Annotated[str, typer.Option(help="seeds of generated initial states, as 1,2,3")]
+Repeat = Annotated[int, typer.Option(min=1, max=1000, help="timing samples of each run")]
+Time = Annotated[str | None, typer.Option(help="cut the simulated time, as 0.04")]
+Timeout = Annotated[str, typer.Option(help="time limit of each run, as 45s, 30m, 2h")]
+DivisionName = Annotated[Literal["closed", "open"], typer.Option(help="same law and step, or each engine's best way")]
+Out = Annotated[Path, typer.Option(help="directory of the runs")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="run finished runs again")]
+Json = Annotated[bool, typer.Option("--json", help="print JSON")]
+
+
+@contextmanager
+def _usage_errors() -> Iterator[None]:
+    """One clear message and exit code 2 for what was asked for wrongly."""
+    try:
+        yield
+    except (RequestError, CaseError, SceneError, SettingsError, UnknownEngine) as error:
+        console.error(str(error))
+        raise typer.Exit(2) from None
+
+
+@app.command()
+def run(
+    what: What,
+    engines: Engines = None,
+    preset: PresetName = None,
+    initial: Initial = None,
+    seeds: Seeds = "0",
+    repeat: Repeat = 1,
+    time: Time = None,
+    timeout: Timeout = "6h",
+    jobs: Annotated[int, typer.Option(min=1, help="runs at a time; they never share a core")] = 1,
+    division: DivisionName = "closed",
+    out: Out = Path("runs"),
+    fresh: Fresh = False,
+    report: Annotated[bool, typer.Option(help="write the report at the end")] = True,
+    checkpoint: Annotated[float, typer.Option(min=0.1, help="seconds between partial results")] = CHECKPOINT,
+    json_: Json = False,
+) -> None:
+    """Runs cases or scene files on engines, scores them and writes the report.
+
+    Finished runs are reused. Exit code 0: every run is ok; 1: one is not; 2: a usage error.
+    """
+    with _usage_errors():
+        request = _request(what, engines, preset, initial, seeds, repeat, time, timeout, division, out)
+        with console.bar(json_) as progress:
+            runs = campaign.planned(request, progress)
+    if not json_:
+        _say_what_runs(request, runs)
+    with console.Display(quiet=json_) as display:
+        done = campaign.carry_out(runs, at_once=jobs, fresh=fresh, checkpoint=checkpoint, show=display.update)
+    page = _write_report(out, out / "report.html") if report else None
+    if json_:
+        _print_json({"runs": [_ended(job) for job in done], "report": str(page) if page else None})
+    elif page is not None:
+        console.line(str(page))
+    ok = all(job.status is not None and job.status.state == "ok" for job in done)
+    raise typer.Exit(0 if ok and (page is not None or not report) else 1)
+
+
+@app.command()
+def plan(
+    what: What,
+    engines: Engines = None,
+    preset: PresetName = None,
+    initial: Initial = None,
+    seeds: Seeds = "0",
+    repeat: Repeat = 1,
+    time: Time = None,
+    timeout: Timeout = "6h",
+    division: DivisionName = "closed",
+    out: Out = Path("runs"),
+    fresh: Fresh = False,
+    json_: Json = False,
+) -> None:
+    """Shows what `run` would do: each run with its hash, whether it is reused, and its estimated time."""
+    with _usage_errors():
+        request = _request(what, engines, preset, initial, seeds, repeat, time, timeout, division, out)
+        with console.bar(json_) as progress:
+            runs = campaign.planned(request, progress)
+    rows = console.plan_rows(runs, fresh)
+    if json_:
+        _print_json(rows)
+        return
+    _say_what_runs(request, runs)
+    console.table(
+        ("run", "engine", "repeat", "cores", "action", "estimate", "before"),
+        [
+            (
+                r["name"],
+                r["engine"],
+                str(r["repeat"]),
+                str(r["cores"]),
+                r["action"],
+                console.duration(r["estimate"]),
+                r["before"] or "-",
+            )
+            for r in rows
+        ],
+    )
+
+
+@app.command()
+def write(
+    what: Annotated[str, typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")],
+    engine: Annotated[str, typer.Option(help="a, or a[dt=1e-6,...]")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="new or empty directory")],
+    preset: PresetName = None,
+    initial: Initial = None,
+    seeds: Seeds = "0",
+    time: Time = None,
+    division: DivisionName = "closed",
+    json_: Json = False,
+) -> None:
+    """Writes a clean, runnable deck for one engine."""
+    with _usage_errors():
+        request = _request([what], engine, preset, initial, seeds, 1, time, "6h", division, output)
+        choices = parse_engines(engine)
+        if len(choices) != 1 or len(request.seeds) != 1:
+            raise RequestError("a deck is for one engine and one seed")
+        if output.exists() and (not output.is_dir() or any(output.iterdir())):
+            raise RequestError(f"{output} is there and not empty; give a new directory")
+        with console.bar(json_) as progress:
+            scene = campaign.build_scenes(request, progress)[0].scene
+        chosen = registry.engine(choices[0].engine)
+        if refused := chosen.unsupported(scene):
+            raise RequestError(f"{chosen.name} cannot do this scene: {'; '.join(refused)}")
+        settings = chosen.settings(scene, division, choices[0].overrides)
+    output.mkdir(parents=True, exist_ok=True)
+    phases = chosen.write(scene, settings, output)
+    if json_:
+        _print_json([phase.model_dump(mode="json") for phase in phases])
+        return
+    console.line(f"{output}: run in it")
+    for phase in phases:
+        variables = "".join(f"{key}={value} " for key, value in phase.environment.items())
+        console.line(f"  {variables}{' '.join(phase.command)}")
+
+
+@app.command()
+def report(
+    runs: Annotated[Path, typer.Argument(help="directory of runs")] = Path("runs"),
+    output: Annotated[Path, typer.Option("--output", "-o", help="page to write")] = Path("report.html"),
+    json_: Json = False,
+) -> None:
+    """Writes one page about the runs in a directory; it opens offline."""
+    if not find_runs(runs):
+        console.error(f"{runs} holds no runs; `dembench run` makes some")
+        raise typer.Exit(2)
+    page = _write_report(runs, output)
+    if page is None:
+        raise typer.Exit(1)
+    if json_:
+        _print_json({"report": str(page)})
+    else:
+        console.line(str(page))
+
+
+@app.command()
+def validate(files: Annotated[list[Path], typer.Argument(help="result files")], json_: Json = False) -> None:
+    """Checks result files and lists their faults. Exit code 1 where one has any."""
+    faults = {str(file): validate_file(file) for file in files}
+    if json_:
+        _print_json(faults)
+    else:
+        for file, found in faults.items():
+            for fault in found or ["valid"]:
+                console.line(f"{file}: {fault}")
+    raise typer.Exit(1 if any(faults.values()) else 0)
+
+
+@app.command()
+def engines(json_: Json = False) -> None:
+    """Lists the engines: which are here, in which version, and how to get the others."""
+    found = [(name, _probe(name)) for name in registry.names()]
+    if json_:
+        _print_json({name: probe.model_dump(mode="json") for name, probe in found})
+        return
+    console.table(
+        ("engine", "version", "where, or how to get it"),
+        [
+            (name, p.version, p.path or "")
+            if p.available
+            else (name, "missing", ". ".join(text for text in (p.reason, p.install) if text))
+            for name, p in found
+        ],
+    )
+
+
+@app.command()
+def cases(json_: Json = False) -> None:
+    """Lists the cases with their parameters, presets and sources."""
+    found = [cases_registry.case(name) for name in cases_registry.names()]
+    rows: list[dict[str, Any]] = [
+        {
+            "name": case.name,
+            "title": case.title,
+            "source": case.source,
+            "presets": list(case.presets),
+            "parameters": {key: field.default for key, field in case.parameters.model_fields.items()},
+        }
+        for case in found
+    ]
+    if json_:
+        _print_json(rows)
+        return
+    for row in rows:
+        parameters = ",".join(f"{key}={value}" for key, value in row["parameters"].items())
+        console.line(f"{row['name']}[{parameters}]  {row['title']}")
+        console.line(f"  presets: {', '.join(row['presets'])}")
+        console.line(f"  source: {row['source']}")
+
+
+@app.command()
+def doctor(json_: Json = False) -> None:
+    """Shows the machine, the engines, the compute devices and the cache."""
+    import warp
+
+    with console.bar(quiet=True):
+        devices = [str(device) for device in warp.get_devices()]
+    found: dict[str, Any] = {
+        "machine": {key: value for key, value in machine().items() if key != "packages"},
+        "devices": devices,
+        "cache": str(cache_directory()),
+        "kernel_cache": str(warp.config.kernel_cache_dir),
+        "engines": {name: _probe(name).model_dump(mode="json") for name in registry.names()},
+    }
+    if json_:
+        _print_json(found)
+        return
+    for key, value in {**found["machine"], **{k: found[k] for k in ("devices", "cache", "kernel_cache")}}.items():
+        console.line(f"{key}: {', '.join(value) or 'none' if isinstance(value, list) else value}")
+    engines(json_=False)
+
+
+@app.command()
+def schema() -> None:
+    """Prints the JSON schema of scene files."""
+    _print_json(Scene.model_json_schema())
+
+
+@app.callback(invoke_without_command=True)
+def _version(version: Annotated[bool, typer.Option("--version", help="print the version")] = False) -> None:
+    if version:
+        console.line(__version__)
+        raise typer.Exit
+
+
+def main() -> None:
+    """Entry point of the command `dembench`."""
+    app()
+
+
+def _request(what, engines, preset, initial, seeds, repeat, time, timeout, division, out) -> Request:
+    return Request(
+        what=tuple(what),
+        engines=engines,
+        preset=preset,
+        initial=initial,
+        seeds=campaign.whole_numbers(seeds),
+        repeats=repeat,
+        time=campaign.seconds(time) if time is not None else None,
+        timeout=campaign.seconds(timeout),
+        division=division,
+        out=out,
+    )
+
+
+def _say_what_runs(request: Request, runs: list[PlannedRun]) -> None:
+    """The first line: which preset, how long a run takes, how to get the published one."""
+    if not request.is_quick_unasked():
+        return
+    known = {run.spec.label(): run.spec.estimate for run in runs if run.spec.estimate is not None}
+    times = ", ".join(f"{label} about {console.duration(value)}" for label, value in known.items())
+    console.line(
+        f"preset quick, as none was given; estimated time per run: {times or 'not known'}; "
+        "as published: --preset published"
+    )
+
+
+def _write_report(runs: Path, output: Path) -> Path | None:
+    """Writes the report; what the runs produced is safe whatever happens here."""
+    from dembench.reports.report import render
+
+    try:
+        return render(find_runs(runs), output)
+    except Exception as error:
+        console.error(f"the report could not be written: {type(error).__name__}: {error}")
+        return None
+
+
+def _ended(job: Job) -> dict[str, Any]:
+    status = job.status.plain() if job.status else {"state": "interrupted", "detail": "not started"}
+    return {
+        "name": job.run.spec.name(),
+        "directory": str(job.run.directory.path),
+        "engine": job.run.spec.label(),
+        "action": job.action,
+        **status,
+    }
+
+
+def _probe(name: str) -> Probe:
+    try:
+        return registry.engine(name).probe()
+    except ImportError as error:
+        return Probe(available=False, reason=f"cannot be loaded: {error}")
+
+
+def _print_json(data: Any) -> None:
+    print(json.dumps(data, indent=1, default=str))

@@ -1,0 +1,121 @@
+"""Hands out cores: runs that are timed at the same time never share one, nor a device."""
+
+from __future__ import annotations
+
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from dembench.runs.directory import Occupied
+from dembench.runs.plan import PlannedRun
+from dembench.runs.states import Status
+from dembench.runs.supervise import Progress, Supervisor, missing, skipped
+
+
+@dataclass
+class Job:
+    """A planned run on its way through the scheduler.
+
+    Attributes:
+        run: The run.
+        action: `run`, `reuse`, `skip` or `missing`.
+        progress: How far it is.
+        status: How it ended; None before that.
+    """
+
+    run: PlannedRun
+    action: str
+    progress: Progress = field(default_factory=Progress)
+    status: Status | None = None
+
+
+class Scheduler:
+    """Carries out planned runs in their order, as many at a time as cores and devices allow."""
+
+    def __init__(self, jobs: Sequence[Job], cores: Sequence[int], at_once: int, **options: Any) -> None:
+        """Prepares the jobs.
+
+        Args:
+            jobs: The jobs.
+            cores: Numbers of the cores that may be used.
+            at_once: Largest number of runs at a time.
+            options: Passed on to each `Supervisor`.
+        """
+        self.jobs = list(jobs)
+        self.stop = threading.Event()
+        self._free, self._at_once, self._options = sorted(cores), at_once, options
+        self._changed = threading.Condition()
+        self._running: list[Job] = []
+        self._waiting = [job for job in self.jobs if job.action == "run"]
+
+    def start(self) -> None:
+        """Settles the jobs that need no run and starts the first ones."""
+        for job in self.jobs:
+            if job.action == "reuse":
+                job.status = job.run.before
+            elif job.action in ("skip", "missing"):
+                job.status = self._settled(job, skipped if job.action == "skip" else missing)
+            if job.status is not None:
+                job.progress.state = job.status.state
+                job.progress.note = "reused" if job.action == "reuse" else job.status.detail
+        with self._changed:
+            self._start_next()
+
+    def wait(self, timeout: float) -> bool:
+        """Waits for a change or the time [s]; True once all jobs have ended."""
+        with self._changed:
+            if self._running or self._waiting:
+                self._changed.wait(timeout)
+            return not self._running and not self._waiting
+
+    def interrupt(self) -> None:
+        """Ends the runs that go on and starts no other; safe in a signal handler."""
+        self.stop.set()
+
+    def _start_next(self) -> None:
+        """Starts the first waiting runs that fit; the condition is held."""
+        if self.stop.is_set():
+            for job in self._waiting:
+                job.progress.note = "not started"
+            self._waiting.clear()
+        while self._waiting and len(self._running) < self._at_once:
+            job = self._waiting[0]
+            spec = job.run.spec
+            devices = {other.run.spec.device for other in self._running} - {"cpu"}
+            if spec.cores > len(self._free) or spec.device in devices:
+                return
+            cores, self._free = self._free[: spec.cores], self._free[spec.cores :]
+            self._waiting.pop(0)
+            self._running.append(job)
+            threading.Thread(target=self._carry_out, args=(job, cores), name=spec.name()).start()
+
+    def _carry_out(self, job: Job, cores: list[int]) -> None:
+        options = {**self._options, "progress": job.progress}
+        job.status = self._settled(job, lambda run: Supervisor(run, cores, self.stop, **options).run())
+        job.progress.state = job.status.state
+        job.progress.note = job.status.detail or job.status.reason
+        with self._changed:
+            self._running.remove(job)
+            self._free = sorted([*self._free, *cores])
+            self._start_next()
+            self._changed.notify_all()
+
+    def _settled(self, job: Job, act: Callable[[PlannedRun], Status]) -> Status:
+        """The status of a job; an error of ours fails that run and no other."""
+        try:
+            return act(job.run)
+        except Occupied as error:
+            return Status(state="running", reason="occupied", detail=str(error))
+        except Exception as error:
+            directory = job.run.directory
+            status = Status(
+                state="failed",
+                reason="supervisor error",
+                detail=f"{type(error).__name__}: {error}",
+                log_tail=traceback.format_exc(),
+            )
+            if directory.path.exists():
+                directory.write_status(status)
+            return status
