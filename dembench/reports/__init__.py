@@ -1,1 +1,1 @@
-
+"""Figures, tables and one page that opens offline."""

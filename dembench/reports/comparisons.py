@@ -1,0 +1,337 @@
+"""Tables that set runs beside each other: verdicts, quantities, differences, timings."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from dembench.reports.entries import RANKED, Entry, Group, Member, common_times
+from dembench.reports.svg import variable
+from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers, significant
+from dembench.reports.units import shown_in
+from dembench.scene import Trajectory
+from dembench.scoring.score import Score
+
+STATE_NAMES = {"unscored": "ok, unscored"}
+MOST_OUTSIDE = 2
+
+
+def run_cell(member: Member, detail: str = "") -> Cell:
+    """A member's name with the colour of its curves."""
+    return Cell(member.label, colour=variable(member.shown.look.colour), detail=detail)
+
+
+def state_cell(state: str) -> Cell:
+    """A run state as a word with its mark."""
+    return Cell(STATE_NAMES.get(state, state), mark=f"state {state}")
+
+
+# ---- verdicts
+
+
+def verdicts(group: Group, title: str) -> Table:
+    """One row per member: state, verdict in words, quantities that have a reference, loop time, ratio."""
+    columns = [
+        Column("Engine", kind="long"), Column("State"), Column("Verdict", kind="wrap"), Column("Loop time", "s", "number"),
+        Column("Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok"),
+    ]  # fmt: skip
+    cells = [numbers([m.loop for m in group.members]), ratios(group)]
+    for name in _leading_quantities(group):
+        scores = [_score(member.shown, name) for member in group.members]
+        known = next(s.quantity for s in scores if s is not None)
+        factor, unit = shown_in(known.unit, [s.quantity.value for s in scores if s is not None])
+        columns.append(Column(known.title, unit, "number"))
+        cells.append(numbers([None if s is None else s.quantity.value * factor for s in scores], digits=4, most=4))
+    rows = [
+        (run_cell(m), state_cell(m.state), Cell(verdict_text(m)), *(column[k] for column in cells))
+        for k, m in enumerate(group.members)
+    ]
+    return Table(f"{group.name}-verdicts", title, tuple(columns), tuple(rows))
+
+
+def verdict_text(member: Member) -> str:
+    """What came of a run, in a sentence."""
+    entry = next((e for e in member.entries if e.state == member.state), member.shown)
+    status = entry.status
+    judged = [s for s in entry.scores if s.within is not None]
+    match entry.state:
+        case "ok":
+            return f"All {len(judged)} judged quantities lie within their references."
+        case "unscored":
+            held = f" {_conditions(judged)} held." if judged else ""
+            return f"Ran to its end; there is no reference to compare with.{held}"
+        case "inaccurate":
+            outside = [s for s in judged if not s.within]
+            shown = "; ".join(_outside(s) for s in outside[:MOST_OUTSIDE])
+            more = f"; {len(outside) - MOST_OUTSIDE} more below" if len(outside) > MOST_OUTSIDE else ""
+            return f"{len(outside)} of {len(judged)} judged quantities lie outside their references: {shown}{more}."
+        case "missing":
+            how = f"To get it: {status.install}" if status.install else ""
+            return _sentence(f"Not run: {status.detail or status.reason}", how)
+        case "skipped":
+            return _sentence(f"Not run: {status.detail or status.reason}")
+        case "running":
+            return "Still going on; what is shown is what it has written so far."
+        case _:
+            reached = f"Reached {_time(entry.reached)} of {_time(entry.spec.duration)}" if entry.observables else ""
+            said = ": ".join(text for text in (status.reason, status.detail) if text)
+            return _sentence(said[:1].upper() + said[1:], reached)
+
+
+def _conditions(judged: Sequence[Score]) -> str:
+    return "One condition that every correct run meets" if len(judged) == 1 else (
+        f"The {len(judged)} conditions that every correct run meets"
+    )  # fmt: skip
+
+
+def _sentence(*parts: str) -> str:
+    return " ".join(part if part.endswith(".") else f"{part}." for part in parts if part)
+
+
+def _time(seconds: float) -> str:
+    factor, unit = shown_in("s", seconds)
+    return f"{significant(seconds * factor)} {unit}"
+
+
+def _outside(score: Score) -> str:
+    quantity, reference = score.quantity, score.reference
+    assert reference is not None
+    known = [v for v in (reference.low, reference.high) if v is not None]
+    factor, unit = shown_in(quantity.unit, known)
+    places = decimals([v * factor for v in known], digits=4, most=4)
+    accepted = _range(reference.low, reference.high, factor, places)
+    name = quantity.title[:1].lower() + quantity.title[1:]
+    return f"{name} {grouped(quantity.value * factor, places)} {unit} (accepted {accepted})"
+
+
+def _leading_quantities(group: Group, most: int = 3) -> list[str]:
+    """Quantities with a reference that is more than a necessary condition, then others, in the order of the case."""
+    scores = [s for m in group.members for s in m.shown.scores]
+    named = dict.fromkeys(s.quantity.name for s in scores if s.reference and not s.reference.necessary)
+    if not named:
+        conditions = {s.quantity.name for s in scores if s.reference is not None}
+        named = dict.fromkeys(s.quantity.name for s in scores if s.quantity.name not in conditions)
+    return list(named)[:most]
+
+
+def _score(entry: Entry, name: str) -> Score | None:
+    return next((s for s in entry.scores if s.quantity.name == name), None)
+
+
+# ---- quantities
+
+
+def quantities(group: Group) -> Table | None:
+    """One row per quantity and reference, one column per run; None where the case has no quantities."""
+    members = [m for m in group.members if m.shown.scores]
+    if not members:
+        return None
+    keys = dict.fromkeys(_key(s) for m in members for s in m.shown.scores)
+    order = list(dict.fromkeys(key[0] for key in keys))
+    sources = list(dict.fromkeys(s.reference.source for m in members for s in m.shown.scores if s.reference))
+    rows = [_quantity_row(key, members, sources) for key in sorted(keys, key=lambda key: order.index(key[0]))]
+    columns = (
+        Column("Quantity", kind="wrap"),
+        Column("Unit"),
+        *(Column(m.label, "value, error", "number") for m in members),
+        Column("Reference", kind="number"),
+        Column("Accepted", kind="number", note="range within which a run passes"),
+        Column("Kind", kind="long"),
+        Column("Source"),
+    )
+    notes = (
+        "Error: value minus reference; for a pure bound the distance beyond it. \u2713 lies within the accepted range, \u2260 "
+        "outside; without a sign nothing is judged.",
+        *(f"[{k + 1}] {source}" for k, source in enumerate(sources)),
+    )
+    return Table(f"{group.name}-quantities", "Quantities and references", columns, tuple(rows), footnotes=notes)
+
+
+Key = tuple[str, float | None, float | None, float | None, str]
+
+
+def _key(score: Score) -> Key:
+    reference = score.reference
+    if reference is None:
+        return (score.quantity.name, None, None, None, "")
+    return (score.quantity.name, reference.value, reference.low, reference.high, reference.source)
+
+
+def _quantity_row(key: Key, members: Sequence[Member], sources: Sequence[str]) -> tuple[Cell, ...]:
+    found = [next((s for s in m.shown.scores if _key(s) == key), None) for m in members]
+    one = next(s for s in found if s is not None)
+    _, value, low, high, source = key
+    known = [v for v in (value, low, high) if v is not None]
+    factor, unit = shown_in(one.quantity.unit, known or [s.quantity.value for s in found if s is not None])
+    places = decimals([v * factor for v in known] or [s.quantity.value * factor for s in found if s is not None], digits=4, most=4)
+    kind = one.reference.kind + (", necessary" if one.reference.necessary else "") if one.reference else ""
+    return (
+        Cell(one.quantity.title),
+        Cell(unit),
+        *(_scored_cell(s, factor, places) for s in found),
+        Cell() if value is None else Cell(grouped(value * factor, places), value * factor),
+        Cell(_range(low, high, factor, places)),
+        Cell(kind),
+        Cell(f"[{sources.index(source) + 1}]") if source else Cell(),
+    )
+
+
+def _scored_cell(score: Score | None, factor: float, places: int) -> Cell:
+    if score is None:
+        return Cell()
+    value = score.quantity.value * factor
+    detail = ""
+    if score.error:
+        detail = ("+" if score.error > 0 else "") + grouped(score.error * factor, places)
+    tone = {True: "within", False: "outside", None: ""}[score.within]
+    return Cell(grouped(value, places), value, detail=detail, tone=tone)
+
+
+def _range(low: float | None, high: float | None, factor: float, places: int) -> str:
+    lower, upper = ("" if v is None else grouped(v * factor, places) for v in (low, high))
+    if lower and upper:
+        return f"{lower} to {upper}"
+    return f"at least {lower}" if lower else f"at most {upper}" if upper else ""
+
+
+# ---- differences
+
+
+def differences(group: Group) -> Table | None:
+    """Largest and root-mean-square difference of the tracked displacements of each two runs; None without two."""
+    scene = group.first.scene
+    names = [f"{o.name}_displacement" for o in scene.observables if isinstance(o, Trajectory)] if scene else []
+    found = []
+    for name in names:
+        having = [m for m in group.members if m.shown.complete and name in m.shown.observables]
+        for a, b in itertools.combinations(having, 2):
+            first, second = a.shown.observables[name], b.shown.observables[name]
+            rows, other = common_times(first, second)
+            if len(rows) > 1:
+                apart = np.abs(first.value[rows] - second.value[other])
+                worst = int(np.argmax(apart))
+                time = first.time[rows]
+                found.append((a, b, first.title, apart.max(), time[worst], np.sqrt(np.mean(apart**2)), time[-1]))
+    if not found:
+        return None
+    factor, unit = shown_in("m", [row[3] for row in found])
+    time_factor, time_unit = shown_in("s", [row[6] for row in found])
+    largest = numbers([row[3] * factor for row in found], digits=2)
+    rms = numbers([row[5] * factor for row in found], digits=2)
+    at = numbers([row[4] * time_factor for row in found])
+    columns = (
+        Column("Engine", kind="long"), Column("Other engine", kind="long"), Column("Series", kind="long"),
+        Column("Largest difference", unit, "number"), Column("at", time_unit, "number"),
+        Column("Root mean square", unit, "number"),
+    )  # fmt: skip
+    table = tuple(
+        (run_cell(a), run_cell(b), Cell(title), largest[k], at[k], rms[k]) for k, (a, b, title, *_) in enumerate(found)
+    )
+    return Table(
+        f"{group.name}-differences", "Differences between runs", columns, table,
+        note="Between each two runs that reached the end, over the times that both recorded.",
+    )  # fmt: skip
+
+
+# ---- timings
+
+
+def ratios(group: Group) -> list[Cell]:
+    """Median loop time of each member that is ok, relative to the shortest of them."""
+    fastest = group.fastest
+    return numbers(
+        [m.loop / fastest if fastest and m.loop is not None and m.state in RANKED else None for m in group.members]
+    )
+
+
+def timings(group: Group) -> Table:
+    """The timing table: only runs that are ok get a ratio; the marks say what else to know."""
+    shown = [m.shown for m in group.members]
+    loops = [m.loop if m.loop is not None else m.shown.loop for m in group.members]
+    bodies = group.first.spec.bodies
+    steps = [e.steps for e in shown]
+    rates = [bodies * n / t / 1e6 if n and t else None for n, t in zip(steps, loops, strict=True)]
+    pace = [e.reached / t if t and e.reached else None for e, t in zip(shown, loops, strict=True)]
+    cores = [e.spec.cores for e in shown]
+    pace_factor, pace_unit = shown_in("s", [p for p in pace if p is not None])
+    columns: list[tuple[Column, list[Cell]]] = [
+        (Column("Engine", kind="long"), [run_cell(m, _settings(m)) for m in group.members]),
+        (Column("State"), [state_cell(m.state) for m in group.members]),
+        (Column("Loop time", "s", "number", "median of the repeats"), _loops(group, loops)),
+        (Column("Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok"), ratios(group)),
+        (Column("Particle-steps", "10⁶/s", "number"), numbers(rates)),
+        (Column("Core-seconds", "s", "number", "loop time times cores"),
+         numbers([t * c if t else None for t, c in zip(loops, cores, strict=True)])),
+        (Column("Simulated per wall time", f"{pace_unit}/s", "number"),
+         numbers([p * pace_factor if p else None for p in pace])),
+        (Column("Peak memory", "MB", "number"), numbers([_megabytes(e) for e in shown], digits=2)),
+        (Column("Time step", "s", "number"), [_step(e) for e in shown]),
+        (Column("Steps", kind="number"), numbers(steps, digits=1)),
+        (Column("Cores", "or ranks", "number"), numbers(cores, digits=1)),
+        (Column("Precision"), [Cell(e.spec.precision) for e in shown]),
+        (Column("Device"), [Cell(e.spec.device) for e in shown]),
+        (Column("Spread of repeats", "s", "number", "shortest to longest"), [_spread(m) for m in group.members]),
+    ]  # fmt: skip
+    rows = tuple(tuple(cells[k] for _, cells in columns) for k in range(len(group.members)))
+    return Table(
+        f"{group.name}-timings",
+        "Timings",
+        tuple(column for column, _ in columns),
+        rows,
+        note="Only runs that are ok are compared: accuracy comes before speed.",
+        footnotes=_marks_explained(group, rows),
+    )
+
+
+def marks(entries: Sequence[Entry]) -> str:
+    """`c` for a contended run, `p` for one that ended early, `w` for a loop time that includes the whole program."""
+    timed = [e for e in entries if e.loop is not None]
+    found = "c" if any(e.status.contended for e in entries) else ""
+    found += "p" if any(not e.complete for e in timed) else ""
+    return found + ("w" if any(e.timing.get("source") == "wall" for e in timed) else "")
+
+
+def _marks_explained(group: Group, rows: Sequence[Sequence[Cell]]) -> tuple[str, ...]:
+    used = {letter for row in rows for cell in row for letter in cell.flags}
+    texts = {
+        "c": "c: contended, other programs used its cores before or while it ran, so the time is overstated.",
+        "p": "p: partial, the run ended before its simulated time; the time is that of the part.",
+        "w": "w: wall time of the engine's process, since the engine prints no time of its stepping loop.",
+    }
+    sources = {
+        str(e.timing["source"]) for e in group.entries if e.loop is not None and e.timing.get("source") not in (None, "wall")
+    }
+    said = [f"Loop times without the mark w were measured by: {', '.join(sorted(sources))}."] if sources else []
+    return (*said, *(text for letter, text in texts.items() if letter in used))
+
+
+def _loops(group: Group, loops: Sequence[float | None]) -> list[Cell]:
+    return [
+        Cell(cell.text, cell.value, flags=marks(m.entries)) if cell.text else cell
+        for cell, m in zip(numbers(loops), group.members, strict=True)
+    ]
+
+
+def _spread(member: Member) -> Cell:
+    if len(member.loops) < 2:
+        return Cell()
+    low, high = min(member.loops), max(member.loops)
+    return Cell(f"{significant(low)} to {significant(high)} ({len(member.loops)})", high - low)
+
+
+def _settings(member: Member) -> str:
+    """Settings that are not columns of their own."""
+    kept = {k: v for k, v in member.shown.spec.settings.items() if k != "dt"}
+    return ", ".join(f"{key}={value:g}" if isinstance(value, float) else f"{key}={value}" for key, value in kept.items())
+
+
+def _step(entry: Entry) -> Cell:
+    dt = entry.spec.settings.get("dt")
+    return Cell(significant(float(dt)), float(dt)) if dt is not None else Cell()
+
+
+def _megabytes(entry: Entry) -> float | None:
+    peak = entry.resources.get("peak_memory")
+    return peak / 1e6 if peak else None

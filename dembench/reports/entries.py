@@ -1,0 +1,256 @@
+"""The runs of a report, each with its result, scores and look, gathered by problem and division."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from dembench.cases.base import Case, CaseError, Curve
+from dembench.cases.registry import parse_case
+from dembench.engines.registry import UnknownEngine, engine
+from dembench.reports.svg import MUTED
+from dembench.results import Observed
+from dembench.runs.directory import RunRecord
+from dembench.scene import Scene
+from dembench.scoring.score import Score, score, verdict
+
+RANKED = ("ok", "unscored")
+"""States whose timings are compared: accuracy comes before speed."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How an engine is drawn: its fixed colour, and whether its lines are dashed."""
+
+    title: str
+    colour: str
+    dashed: bool
+
+
+def look(name: str) -> Look:
+    """The look that an engine declares; that of an engine which is not known here is grey."""
+    try:
+        found = engine(name)
+    except (UnknownEngine, ImportError):
+        return Look(name, MUTED, False)
+    return Look(found.title, found.colour, found.dashed)
+
+
+class Entry:
+    """One run as a report shows it."""
+
+    def __init__(self, record: RunRecord) -> None:
+        """The run of a record; its scores are computed anew."""
+        self.record = record
+        self.name = record.name
+        self.spec = record.spec
+        self.status = record.status
+        self.look = look(record.spec.engine)
+
+    @cached_property
+    def problem(self) -> tuple[Case, Any] | None:
+        """The case and its parameters; None for a scene file or a case that is not known here."""
+        if self.spec.preset is None:
+            return None
+        try:
+            return parse_case(self.spec.case)
+        except CaseError:
+            return None
+
+    @cached_property
+    def scene(self) -> Scene | None:
+        """The scene; None where no result was written."""
+        return self.record.result.scene if self.record.result else None
+
+    @cached_property
+    def observables(self) -> dict[str, Observed]:
+        """Time series that have at least one sample."""
+        found = self.record.result.observables if self.record.result else {}
+        return {name: series for name, series in found.items() if len(series.time)}
+
+    @cached_property
+    def scores(self) -> list[Score]:
+        """Quantities with their references; empty without a case or a result."""
+        if self.problem is None or self.record.result is None:
+            return []
+        case, parameters = self.problem
+        return score(case, self.record.result.scene, self.record.result, parameters, self.spec.preset)  # type: ignore[arg-type]
+
+    @cached_property
+    def curves(self) -> list[Curve]:
+        """Points known of the observables; empty without a case or a scene."""
+        if self.problem is None or self.scene is None:
+            return []
+        case, parameters = self.problem
+        return case.reference_curves(self.scene, parameters, self.spec.preset)  # type: ignore[arg-type]
+
+    @cached_property
+    def state(self) -> str:
+        """The run state; what ran to its end is `ok`, `inaccurate` or `unscored` by its scores."""
+        if self.status.state not in ("ok", "inaccurate"):
+            return self.status.state
+        return verdict(self.scores)
+
+    @property
+    def timing(self) -> dict[str, Any]:
+        """Wall times of the parts of the run [s]."""
+        return self.record.result.timing if self.record.result else {}
+
+    @property
+    def resources(self) -> dict[str, Any]:
+        """Wall time, CPU time and peak memory of the process tree."""
+        return self.record.result.resources if self.record.result else {}
+
+    @property
+    def steps(self) -> int | None:
+        """Number of the last step on record; None without a record."""
+        return max((int(o.step[-1]) for o in self.observables.values()), default=None)
+
+    @property
+    def reached(self) -> float:
+        """Simulated time on record [s]."""
+        return max((float(o.time[-1]) for o in self.observables.values()), default=self.status.time)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the record reaches the end of the scene."""
+        return self.reached >= self.spec.duration * (1 - 1e-6)
+
+    @property
+    def loop(self) -> float | None:
+        """Time of the stepping loop [s]; None where it is not known."""
+        found = self.timing.get("loop")
+        return float(found) if found is not None else None
+
+
+@dataclass(frozen=True)
+class Member:
+    """One engine with one setting and one seed: the repeats of one run.
+
+    Attributes:
+        entries: The repeats, by number.
+        label: Name in tables and legends, unique within the group.
+        style: Dash pattern and marker among the members of the same engine.
+    """
+
+    entries: tuple[Entry, ...]
+    label: str
+    style: int
+
+    @property
+    def shown(self) -> Entry:
+        """The repeat that stands for all in figures and scores: the first that ran to its end, else the first."""
+        return next((e for e in self.entries if e.state in RANKED), self.entries[0])
+
+    @property
+    def state(self) -> str:
+        """The worst state of the repeats: one that failed is not hidden by those that did not."""
+        states = [e.state for e in self.entries]
+        return next((s for s in states if s not in RANKED), states[0])
+
+    @property
+    def loops(self) -> list[float]:
+        """Loop times of the complete repeats [s]."""
+        return [e.loop for e in self.entries if e.loop is not None and e.complete and e.state in (*RANKED, "inaccurate")]
+
+    @property
+    def loop(self) -> float | None:
+        """Median loop time of the complete repeats [s]."""
+        return statistics.median(self.loops) if self.loops else None
+
+
+@dataclass(frozen=True)
+class Group:
+    """The runs of one problem in one division.
+
+    Attributes:
+        name: Identifier on the page.
+        members: In the order of first appearance of the engines.
+    """
+
+    name: str
+    members: tuple[Member, ...]
+
+    @property
+    def entries(self) -> list[Entry]:
+        """All runs."""
+        return [entry for member in self.members for entry in member.entries]
+
+    @property
+    def first(self) -> Entry:
+        """A run that has the scene where one has it."""
+        return next((e for e in self.entries if e.scene is not None), self.entries[0])
+
+    @property
+    def fastest(self) -> float | None:
+        """Shortest median loop time of the members that are ok [s]."""
+        return min((m.loop for m in self.members if m.loop is not None and m.state in RANKED), default=None)
+
+
+def gather(records: Iterable[RunRecord]) -> list[Group]:
+    """Runs by problem and division: same case, preset, division and scene; seeds of one case are kept together."""
+    entries = sorted((Entry(record) for record in records), key=_problem)
+    groups = []
+    for _, same in groupby(entries, key=_problem):
+        for parted in _by_scene(list(same)):
+            groups.append(_group(f"scene{len(groups) + 1}", parted))
+    return groups
+
+
+def _problem(entry: Entry) -> tuple[str, ...]:
+    spec = entry.spec
+    scene = spec.scene_name if spec.preset is None else ""
+    return (spec.case, spec.preset or "", spec.division, f"{spec.duration:.9g}", str(spec.bodies), scene)
+
+
+def _by_scene(entries: list[Entry]) -> list[list[Entry]]:
+    """One list where each seed has one scene, else one list per scene."""
+    scenes = {(e.spec.seed, e.spec.scene_digest) for e in entries}
+    if len(scenes) == len({seed for seed, _ in scenes}):
+        return [entries]
+    digests = sorted({e.spec.scene_digest for e in entries})
+    return [[e for e in entries if e.spec.scene_digest == digest] for digest in digests]
+
+
+def _group(name: str, entries: list[Entry]) -> Group:
+    samples: dict[tuple[Any, ...], list[Entry]] = {}
+    for entry in sorted(entries, key=_order):
+        samples.setdefault(_sample(entry), []).append(entry)
+    labels = _labels([sample[0] for sample in samples.values()])
+    members: list[Member] = []
+    for sample, label in zip(samples.values(), labels, strict=True):
+        before = sum(m.shown.spec.engine == sample[0].spec.engine for m in members)
+        members.append(Member(tuple(sample), label, before + sample[0].look.dashed))
+    return Group(name, tuple(members))
+
+
+def _order(entry: Entry) -> tuple[Any, ...]:
+    return (entry.spec.engine, bool(entry.spec.overrides), entry.spec.label(), entry.spec.seed, entry.spec.repeat, entry.name)
+
+
+def _sample(entry: Entry) -> tuple[Any, ...]:
+    spec = entry.spec
+    return (spec.engine, spec.engine_version, repr(sorted(spec.settings.items())), spec.seed, spec.scene_digest)
+
+
+def _labels(entries: Sequence[Entry]) -> list[str]:
+    """The engine with the settings that were typed, and the seed and version where these differ."""
+    seeds = len({e.spec.seed for e in entries}) > 1
+    found = [e.spec.label() + (f", seed {e.spec.seed}" if seeds else "") for e in entries]
+    if len(set(found)) < len(found):
+        found = [f"{text}, version {e.spec.engine_version}" for text, e in zip(found, entries, strict=True)]
+    if len(set(found)) < len(found):
+        found = [f"{text} ({k + 1})" for k, text in enumerate(found)]
+    return found
+
+
+def common_times(first: Observed, second: Observed) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of two series at the times that both have, as index arrays."""
+    _, a, b = np.intersect1d(np.round(first.time, 9), np.round(second.time, 9), return_indices=True)
+    return a, b

@@ -1,0 +1,260 @@
+"""Facts in words: the scene and what was left out, the machine, the engines, the settings, the failures."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dembench.reports.comparisons import RANKED, run_cell, state_cell, verdict_text
+from dembench.reports.entries import Entry, Group, Member
+from dembench.reports.tables import Cell, Column, Table, grouped, numbers, significant
+from dembench.reports.units import shown_in
+from dembench.scene import Scene, features
+
+Facts = list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A run that is not ok: what is known about why."""
+
+    name: str
+    run: str
+    state: str
+    message: str
+    facts: Facts
+    log: str
+
+
+def measure(value: float, unit: str, digits: int = 4) -> str:
+    """A value with its unit, in the multiple that reads easily."""
+    factor, written = shown_in(unit, value)
+    return f"{significant(value * factor, digits)} {written}".strip()
+
+
+# ---- the scene
+
+
+def scene_facts(group: Group) -> Facts:
+    """What was simulated; what is known of a scene that was never run is its name and size."""
+    spec, scene = group.first.spec, group.first.scene
+    seeds = sorted({e.spec.seed for e in group.entries})
+    digests = sorted({e.spec.scene_digest for e in group.entries})
+    found: Facts = [
+        ("Scene", f"{spec.scene_name}, {grouped(spec.bodies, 0)} bodies, {measure(spec.duration, 's')} simulated"),
+    ]
+    if scene is not None:
+        found += _contents(scene)
+    found += [
+        ("Division", _division(spec.division, scene)),
+        ("Seeds", ", ".join(map(str, seeds))),
+        ("SHA-256 of the scene", ", ".join(digests)),
+    ]
+    return found
+
+
+def _division(division: str, scene: Scene | None) -> str:
+    if division != "closed":
+        return f"{division}: each engine's best way, behind the same accuracy gate"
+    step = f", time step {measure(scene.closed_step(), 's')}" if scene is not None else ""
+    return f"closed: the scene's law and time step for every engine{step}"
+
+
+def _contents(scene: Scene) -> Facts:
+    present = features(scene)
+    absent = [name for name, value in present if not value]
+    law = scene.law.kind + (f", variant {scene.law.variant}" if hasattr(scene.law, "variant") else "")
+    walls = [f"{w.name} ({w.kind}, {w.material}{', moving' if w.motion else ''})" for w in scene.walls]
+    return [
+        ("Contact law", law),
+        ("Species", "; ".join(_species(scene))),
+        ("Materials", "; ".join(
+            f"{m.name}: {significant(m.density)} kg/m³, Young {significant(m.young / 1e9)} GPa, Poisson {significant(m.poisson)}"
+            for m in scene.materials)),
+        ("Pairs", "; ".join(
+            f"{p.a}\u2013{p.b}: restitution {significant(p.restitution)}, friction {significant(p.friction)}"
+            + (f", rolling friction {significant(p.rolling_friction)}" if p.rolling_friction else "")
+            for p in scene.pair_laws)),
+        ("Walls", "; ".join(walls) or "none"),
+        ("Gravity", f"({', '.join(significant(g) for g in scene.gravity)}) m/s²"),
+        ("Recorded", "; ".join(
+            f"{o.name} ({o.kind}" + (f", every {measure(o.interval, 's')})" if hasattr(o, "interval") else ")")
+            for o in scene.observables) or "nothing"),
+        ("Features present", _words(present.names())),
+        ("Left out", f"{_words(absent)}; nothing is computed, allocated or written for them"),
+    ]  # fmt: skip
+
+
+def _species(scene: Scene) -> Iterable[str]:
+    radii = scene.radii()
+    for k, s in enumerate(scene.species):
+        own = radii[scene.bodies.species == k]
+        if not len(own):
+            continue
+        low, high = 2 * float(np.min(own)), 2 * float(np.max(own))
+        size = measure(low, "m") if low == high else f"{measure(low, 'm')} to {measure(high, 'm')}"
+        yield f"{s.name}: {grouped(len(own), 0)} of {s.material}, diameter {size}"
+
+
+def _words(names: Iterable[str]) -> str:
+    return ", ".join(name.replace("_", " ") for name in names) or "none"
+
+
+# ---- runs, engines, settings
+
+
+def all_runs(groups: Sequence[Group]) -> Table:
+    """Every run directory with its state: none is left out."""
+    columns = (
+        Column("Run directory", kind="wrap"), Column("State"), Column("Engine", kind="long"), Column("Division"),
+        Column("Seed", kind="number"), Column("Repeat", kind="number"), Column("Simulated", "% of its time", "number"),
+        Column("Wall time", "s", "number"), Column("Started", kind="line"),
+    )  # fmt: skip
+    listed = [(member, entry) for group in groups for member in group.members for entry in member.entries]
+    share = numbers([100 * e.reached / e.spec.duration if e.spec.duration else None for _, e in listed], digits=2, most=1)
+    walls = numbers([e.status.wall for _, e in listed])
+    rows = tuple(
+        (
+            Cell(e.name), state_cell(e.state), run_cell(m), Cell(e.spec.division), Cell(str(e.spec.seed), e.spec.seed),
+            Cell(str(e.spec.repeat), e.spec.repeat), share[k], walls[k], Cell(e.status.started.replace("T", " ")),
+        )
+        for k, (m, e) in enumerate(listed)
+    )  # fmt: skip
+    return Table("all-runs", "All runs", columns, rows)
+
+
+def problem_name(entry: Entry) -> str:
+    """The case as typed with its preset, or the name of the scene."""
+    return f"{entry.spec.case}, {entry.spec.preset}" if entry.spec.preset else entry.spec.scene_name
+
+
+def engines(groups: Sequence[Group]) -> Table:
+    """One row per engine and version: what it is and what was found of it."""
+    found: dict[tuple[str, str], tuple[Member, Entry]] = {}
+    for group in groups:
+        for member in group.members:
+            for entry in member.entries:
+                found.setdefault((entry.spec.engine, entry.spec.engine_version), (member, entry))
+    columns = (
+        Column("Engine", kind="long"), Column("What it is", kind="wrap"), Column("Version", kind="long"),
+        Column("Program", kind="long"), Column("Build", kind="wrap"),
+    )  # fmt: skip
+    rows = []
+    for (name, version), (member, entry) in sorted(found.items()):
+        probe = entry.record.environment.get("engine", {})
+        facts = "; ".join(f"{key}: {value}" for key, value in probe.get("facts", {}).items())
+        swatch = run_cell(member)
+        rows.append(
+            (Cell(name, colour=swatch.colour), Cell(entry.look.title), Cell(version), Cell(probe.get("path") or ""), Cell(facts))
+        )
+    return Table("engines-found", "Engines", columns, tuple(rows))
+
+
+def settings(groups: Sequence[Group], titles: Sequence[str]) -> list[Table]:
+    """One table per group: every setting of every member, and who chose it."""
+    tables = []
+    for group, title in zip(groups, titles, strict=True):
+        rows = []
+        for member in group.members:
+            spec = member.shown.spec
+            for key, value in spec.settings.items():
+                by = "as typed" if key in spec.overrides else f"default of the {spec.division} division"
+                number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+                text = significant(number) if number is not None else json.dumps(value) if value is not None else "none"
+                rows.append((run_cell(member), Cell(key), Cell(text.strip('"'), number), Cell(by)))
+        columns = (Column("Engine", kind="long"), Column("Setting"), Column("Value", kind="long"), Column("Chosen by"))
+        tables.append(Table(f"{group.name}-settings", f"Settings: {title}", columns, tuple(rows)))
+    return tables
+
+
+# ---- machines
+
+_NAMES = {
+    "cpu": "Processor", "cores": "Cores available", "cores_machine": "Cores of the machine", "memory": "Memory", "gpu": "GPU",
+    "frequency_policy": "Frequency policy", "system": "System", "kernel": "Kernel", "python": "Python",
+    "dembench": "dembench", "commit": "Commit", "packages": "Python packages",
+}  # fmt: skip
+_PER_RUN = ("pinned_to", "load", "busy_before", "engine")
+
+
+def environments(groups: Sequence[Group]) -> list[tuple[str, Facts]]:
+    """The machines: one list of facts for each that differs, with the runs it was used for."""
+    recorded = [(e.name, e.record.environment) for g in groups for e in g.entries if e.record.environment]
+    alike: dict[str, tuple[dict[str, Any], list[str]]] = {}
+    for name, environment in recorded:
+        fixed = {k: v for k, v in environment.items() if k not in _PER_RUN}
+        alike.setdefault(json.dumps(fixed, sort_keys=True, default=str), (fixed, []))[1].append(name)
+    found = []
+    for k, (fixed, names) in enumerate(alike.values()):
+        title = "Machine and software" if len(alike) == 1 else f"Machine and software {k + 1} of {len(alike)}"
+        facts = [(_NAMES.get(key, key), _plain(key, value)) for key, value in fixed.items()]
+        found.append((title, [(key, text) for key, text in facts if text] + [("Runs", ", ".join(names))]))
+    return found
+
+
+def load(groups: Sequence[Group]) -> Table | None:
+    """Cores and load of each run; None where no run recorded them."""
+    listed = [(m, e) for g in groups for m in g.members for e in m.entries if e.record.environment]
+    if not listed:
+        return None
+    environment = [e.record.environment for _, e in listed]
+    columns = (
+        Column("Run directory", kind="wrap"), Column("Engine", kind="long"), Column("Pinned to cores"),
+        Column("Load at start", kind="number", note="load average of one minute"),
+        Column("Cores busy before", "%", "number"), Column("CPU time", "s", "number"),
+        Column("Waited for a core", "s", "number"), Column("Contended"),
+    )  # fmt: skip
+    loads = numbers([v.get("load") for v in environment], digits=2, most=2)
+    busy = numbers([None if v.get("busy_before") is None else 100 * v["busy_before"] for v in environment], digits=1, most=1)
+    cpu = numbers([e.resources.get("cpu") for _, e in listed])
+    waited = numbers([e.resources.get("waited") for _, e in listed], digits=2, most=2)
+    rows = tuple(
+        (
+            Cell(e.name), run_cell(m), Cell(", ".join(map(str, environment[k].get("pinned_to", [])))), loads[k], busy[k],
+            cpu[k], waited[k], Cell("yes", mark="mark") if e.status.contended else Cell("no"),
+        )
+        for k, (m, e) in enumerate(listed)
+    )  # fmt: skip
+    return Table("load", "Cores and load", columns, rows)
+
+
+def _plain(key: str, value: Any) -> str:
+    if key == "memory" and isinstance(value, int | float):
+        return f"{value / 2**30:.1f} GiB"
+    if isinstance(value, dict):
+        return ", ".join(f"{name} {text}" for name, text in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(str, value))
+    return "" if value is None else str(value)
+
+
+# ---- failures
+
+
+def failures(groups: Sequence[Group]) -> list[Failure]:
+    """Every run that is not ok, with its log."""
+    listed = [(g, m, e) for g, m in itertools.chain(*(zip(itertools.repeat(g), g.members) for g in groups)) for e in m.entries]
+    return [_failure(m, e) for _, m, e in listed if e.state not in (*RANKED, "running")]
+
+
+def _failure(member: Member, entry: Entry) -> Failure:
+    status = entry.status
+    alone = Member((entry,), member.label, member.style)
+    listed = [
+        ("Run directory", entry.name),
+        ("Reason", status.reason),
+        ("Detail", status.detail),
+        ("Phase", status.phase),
+        ("Exit code", "" if status.exit_code is None else str(status.exit_code)),
+        ("Signal", status.signal or ""),
+        ("Simulated time reached", measure(entry.reached, "s") if status.started else ""),
+        ("Frames recorded", f"{status.frames} of {status.frames_expected}" if status.frames_expected else ""),
+        ("To get the engine", status.install),
+    ]
+    facts = [(name, text) for name, text in listed if text]
+    return Failure(entry.name, f"{member.label}, {problem_name(entry)}", entry.state, verdict_text(alone), facts, status.log_tail)

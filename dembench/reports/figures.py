@@ -1,0 +1,299 @@
+"""Figures over time: one matplotlib drawing gives the page's SVG, the phone's SVG and the paper's PDF."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from dembench.reports.svg import GRID, INK, MUTED, SURFACE, themed
+
+WIDE, NARROW = 7.0, 3.5
+"""Widths [in]: two columns and one column of a journal page."""
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.5)), (0, (6, 2, 1.2, 2)), (0, (3, 1.2)), (0, (8, 2, 1, 2, 1, 2)))
+MARKERS = (None, "o", "s", "^", "D", "v", "P")
+LOG_RANGE = 300.0
+"""A panel whose positive values span more than this ratio gets a logarithmic axis."""
+WIDEST, THINNEST = 2.6, 1.2
+"""Widths of the first and the last line of a panel [pt]: where lines coincide, all of them stay visible."""
+FEW_POINTS = 12
+_ROUND_STEPS = (1, 2, 2.5, 5, 10)
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+_STYLE = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "dembench",
+    "pdf.fonttype": 42,
+    "text.parse_math": False,
+    "font.family": "DejaVu Sans",
+    "font.size": 8,
+    "axes.labelsize": 8,
+    "axes.titlesize": 8,
+    "axes.titlelocation": "left",
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.formatter.use_mathtext": False,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "ytick.minor.width": 0.4,
+    "text.color": INK,
+    "legend.frameon": False,
+    "legend.fontsize": 7.5,
+    "lines.linewidth": 1.4,
+}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One curve.
+
+    Attributes:
+        label: Text of the legend, the same for one run in all panels.
+        x, y: Values in the units of the axes, shape (n,).
+        colour: `#rrggbb`.
+        style: Which dash pattern, and beyond them which marker; 0 is a plain solid line.
+        cut_short: Whether the run ended before its time; its last point is marked.
+    """
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    colour: str
+    style: int = 0
+    cut_short: bool = False
+
+
+@dataclass(frozen=True)
+class Known:
+    """Known points: a line where there are many, markers where there are few, with a band or bars of uncertainty."""
+
+    label: str
+    x: np.ndarray
+    y: np.ndarray
+    low: np.ndarray | None = None
+    high: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes; `label` includes the unit."""
+
+    label: str
+    lines: tuple[Line, ...]
+    known: tuple[Known, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plot:
+    """What a figure shows.
+
+    Attributes:
+        name: Identifier, unique on the page.
+        title, caption: Plain text.
+        x_label: Label of the shared horizontal axis with its unit.
+        panels: From top to bottom.
+        command: What reproduces it.
+    """
+
+    name: str
+    title: str
+    caption: str
+    x_label: str
+    panels: tuple[Panel, ...]
+    command: str
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A drawn figure: markup for the page, bytes for the paper, data for the reader.
+
+    Attributes:
+        plot: What it shows.
+        wide, narrow: `<svg>` elements.
+        pdf: Content of a PDF file, base64.
+        data: Values, axes' places and limits; JSON.
+        colours: Colours in use.
+    """
+
+    plot: Plot
+    wide: str
+    narrow: str
+    pdf: str
+    data: dict[str, Any]
+    colours: set[str] = field(default_factory=set)
+
+
+def draw(plot: Plot) -> Drawing:
+    """Draws a figure in two widths."""
+    with matplotlib.rc_context(_STYLE):
+        wide_svg, wide_axes, pdf = _drawn(plot, WIDE)
+        narrow_svg, narrow_axes, _ = _drawn(plot, NARROW)
+    wide, first = themed(wide_svg, f"{plot.name}-w", plot.title)
+    narrow, second = themed(narrow_svg, f"{plot.name}-n", plot.title)
+    data = {
+        "name": plot.name,
+        "x_label": plot.x_label,
+        "axes": {"wide": wide_axes, "narrow": narrow_axes},
+        "panels": [_values(panel) for panel in plot.panels],
+    }
+    return Drawing(plot, wide, narrow, base64.b64encode(pdf).decode(), data, first | second)
+
+
+def _drawn(plot: Plot, width: float) -> tuple[str, list[dict[str, float]], bytes]:
+    count = len(plot.panels)
+    labels = _legend_entries(plot)
+    columns = _columns(labels, width)
+    legend_height = 0.17 * math.ceil(len(labels) / columns) + 0.1
+    each = (2.7 if count == 1 else 1.55) if width == WIDE else (2.3 if count == 1 else 1.5)
+    figure = Figure(figsize=(width, legend_height + each * count + 0.25), layout="constrained", facecolor="none")
+    FigureCanvasAgg(figure)
+    axes = np.atleast_1d(figure.subplots(count, 1, sharex=True))
+    for panel, ax in zip(plot.panels, axes, strict=True):
+        _fill(ax, panel, width)
+    axes[-1].set_xlabel(plot.x_label)
+    figure.legend(handles=labels, loc="outside upper left", ncols=columns, handlelength=3.2, columnspacing=1.4)
+    figure.align_ylabels(list(axes))
+    figure.canvas.draw()
+    places = [_place(ax) for ax in axes]
+    text, pdf = io.StringIO(), io.BytesIO()
+    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    figure.savefig(pdf, format="pdf", metadata={"CreationDate": None, "Title": plot.title})
+    return text.getvalue(), places, pdf.getvalue()
+
+
+def _fill(ax: Axes, panel: Panel, width: float) -> None:
+    ax.set_facecolor("none")
+    ax.set_axisbelow(True)
+    logarithmic = _spans_decades(panel)
+    for known in panel.known:
+        _draw_known(ax, known)
+    widths = np.linspace(WIDEST, THINNEST, len(panel.lines)) if len(panel.lines) > 1 else [1.6]
+    for line, linewidth in zip(panel.lines, widths, strict=True):
+        y = np.where(line.y > 0, line.y, np.nan) if logarithmic else line.y
+        ax.plot(line.x, y, color=line.colour, linewidth=linewidth, **_pattern(line.style, len(line.x)))
+        shown = np.flatnonzero(np.isfinite(y))
+        if line.cut_short and len(shown):
+            ax.plot(line.x[shown[-1]], y[shown[-1]], marker="x", color=line.colour, markersize=7, markeredgewidth=1.8)
+    if logarithmic:
+        ax.set_yscale("log")
+        ax.yaxis.set_major_locator(LogLocator(numticks=6))
+        ax.yaxis.set_major_formatter(FuncFormatter(_power))
+        ax.yaxis.set_minor_formatter(NullFormatter())
+        ax.grid(visible=False, which="minor")
+    else:
+        ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND_STEPS))
+    ax.xaxis.set_major_locator(MaxNLocator(nbins=10 if width == WIDE else 6, steps=_ROUND_STEPS))
+    ax.margins(x=0.01)
+    ax.set_ylabel(panel.label)
+
+
+def _power(value: float, _: int | None = None) -> str:
+    """Label of a logarithmic axis: the number where it is short, else a power of ten."""
+    if 1e-2 <= value <= 1e4:
+        return f"{value:g}"
+    return "10" + str(round(math.log10(value))).translate(_SUPERSCRIPTS)
+
+
+def _draw_known(ax: Axes, known: Known) -> None:
+    if len(known.x) <= FEW_POINTS:
+        bars = None
+        if known.low is not None and known.high is not None:
+            bars = np.abs(np.array([known.y - known.low, known.high - known.y]))
+        ax.errorbar(
+            known.x, known.y, yerr=bars, fmt="D", markersize=5, color=INK, markerfacecolor=SURFACE, capsize=3,
+            elinewidth=1.0, zorder=5,
+        )  # fmt: skip
+        return
+    if known.low is not None and known.high is not None:
+        ax.fill_between(known.x, known.low, known.high, color=MUTED, alpha=0.22, linewidth=0)
+    ax.plot(known.x, known.y, color=INK, linewidth=0.9)
+
+
+def _legend_entries(plot: Plot) -> list[Line2D]:
+    entries: dict[str, Line2D] = {}
+    cut_short = False
+    for panel in plot.panels:
+        for line in panel.lines:
+            entries.setdefault(
+                line.label, Line2D([], [], color=line.colour, label=line.label, **_pattern(line.style, 0))
+            )
+            cut_short |= line.cut_short
+        for known in panel.known:
+            mark = {"marker": "D", "linestyle": "", "markerfacecolor": SURFACE} if len(known.x) <= FEW_POINTS else {}
+            entries.setdefault(
+                known.label, Line2D([], [], color=INK, linewidth=0.9, label=known.label, markersize=5, **mark)
+            )
+    if cut_short:
+        entries["ended early"] = Line2D(
+            [], [], color=INK, linestyle="", marker="x", markersize=6, markeredgewidth=1.6, label="ended early"
+        )
+    return list(entries.values())
+
+
+def _pattern(style: int, points: int) -> dict[str, Any]:
+    marker = MARKERS[(style // len(DASHES)) % len(MARKERS)]
+    every = max(1, points // 12)
+    return {
+        "linestyle": DASHES[style % len(DASHES)],
+        "marker": marker,
+        "markevery": every,
+        "markersize": 3.5,
+        "dash_capstyle": "butt",
+    }
+
+
+def _columns(entries: list[Line2D], width: float) -> int:
+    """How many entries of the legend fit side by side, from the width of its text at 7.5 pt."""
+    longest = max((len(str(entry.get_label())) for entry in entries), default=1)
+    return int(max(1, min(len(entries) or 1, width * 72 // (longest * 4.8 + 40))))
+
+
+def _spans_decades(panel: Panel) -> bool:
+    values = np.concatenate([line.y for line in panel.lines]) if panel.lines else np.empty(0)
+    values = values[np.isfinite(values)]
+    positive = values[values > 0]
+    return bool(len(positive) and values.min() >= 0 and positive.max() / positive.min() > LOG_RANGE)
+
+
+def _place(ax: Axes) -> dict[str, float]:
+    box = ax.get_position()
+    (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
+    return {"left": box.x0, "right": box.x1, "top": 1 - box.y1, "bottom": 1 - box.y0, "x0": x0, "x1": x1,
+            "y0": y0, "y1": y1, "log": ax.get_yscale() == "log"}  # fmt: skip
+
+
+def _values(panel: Panel) -> dict[str, Any]:
+    lines = [{"label": line.label, "colour": line.colour, "x": numbers(line.x), "y": numbers(line.y)} for line in panel.lines]
+    known = [
+        {"label": k.label, "x": numbers(k.x), "y": numbers(k.y), "low": numbers(k.low), "high": numbers(k.high)}
+        for k in panel.known
+    ]
+    return {"label": panel.label, "lines": lines, "known": known}
+
+
+def numbers(values: np.ndarray | None) -> list[float | None] | None:
+    """Values for JSON with 8 significant digits; None stands for what is not finite."""
+    if values is None:
+        return None
+    return [float(f"{v:.8g}") if math.isfinite(v) else None for v in np.asarray(values, dtype=float).tolist()]

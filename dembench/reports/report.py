@@ -1,0 +1,149 @@
+"""One page of everything that is known about some runs: opens offline, asks nobody for anything."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import shlex
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from dembench import __version__
+from dembench.reports import comparisons, facts
+from dembench.reports.curves import plots
+from dembench.reports.entries import Group, gather
+from dembench.reports.figures import Drawing, draw
+from dembench.reports.svg import palette
+from dembench.reports.tables import Table
+from dembench.runs.directory import RunRecord
+
+STATE_ORDER = ("ok", "unscored", "inaccurate", "failed", "timeout", "interrupted", "running", "skipped", "missing")
+
+
+@dataclass(frozen=True)
+class SceneSection:
+    """The part of a page about one group of runs."""
+
+    name: str
+    title: str
+    short_title: str
+    source: str
+    facts: facts.Facts
+    drawings: tuple[Drawing, ...]
+    verdicts: Table
+    tables: tuple[Table, ...]
+    commands: tuple[str, ...]
+
+
+def render(runs: Sequence[RunRecord], output: Path, title: str = "Granular benchmark report") -> Path:
+    """Writes the report of some runs as one HTML file that needs no other file and no network.
+
+    Args:
+        runs: Runs in any state; every one of them has its row.
+        output: Path of the file.
+        title: Heading of the page.
+
+    Returns:
+        The path of the file.
+    """
+    groups = gather(runs)
+    sections = [_section(group) for group in groups]
+    titles = [section.short_title for section in sections]
+    load = facts.load(groups)
+    tables = [facts.engines(groups), *facts.settings(groups, titles), *([load] if load else [])] if groups else []
+    colours = {entry.look.colour for group in groups for entry in group.entries}
+    colours |= {colour for section in sections for drawing in section.drawings for colour in drawing.colours}
+    environment = Environment(
+        loader=PackageLoader("dembench.reports"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    script = _template(environment, "page.js")
+    page = environment.get_template("page.html.j2").render(
+        title=title,
+        summary=_summary(groups),
+        version=__version__,
+        scenes=sections,
+        all_runs=facts.all_runs(groups),
+        engine_tables=tables,
+        environments=facts.environments(groups),
+        failures=facts.failures(groups),
+        palette=palette(colours),
+        style=_template(environment, "page.css"),
+        script=script,
+        script_hash="sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+    )
+    temporary = output.with_name(f".{output.name}.{os.getpid()}.tmp")
+    temporary.write_text(page, encoding="utf-8")
+    os.replace(temporary, output)
+    return output
+
+
+def _template(environment: Environment, name: str) -> str:
+    assert environment.loader is not None
+    return environment.loader.get_source(environment, name)[0]
+
+
+def _section(group: Group) -> SceneSection:
+    entry = group.first
+    case = entry.problem[0] if entry.problem else None
+    division = f"{entry.spec.division} division"
+    short = f"{facts.problem_name(entry)}, {entry.spec.division}"
+    commands = _commands(group)
+    found = (comparisons.quantities(group), comparisons.differences(group), comparisons.timings(group))
+    return SceneSection(
+        name=group.name,
+        title=f"{case.title} ({facts.problem_name(entry)}, {division})" if case else f"{entry.spec.scene_name} ({division})",
+        short_title=short,
+        source=case.source if case else "",
+        facts=facts.scene_facts(group),
+        drawings=tuple(draw(plot) for plot in plots(group, "\n".join(commands))),
+        verdicts=comparisons.verdicts(group, short),
+        tables=tuple(table for table in found if table is not None),
+        commands=commands,
+    )
+
+
+def _commands(group: Group) -> tuple[str, ...]:
+    """The commands on record; for runs without one, the command that their specs amount to; then the report's."""
+    recorded: dict[str, None] = {}
+    for entry in group.entries:
+        result = entry.record.result
+        if result is not None and (command := result.provenance.get("command")):
+            recorded[str(command)] = None
+    where = group.first.record.directory.parent.name or "."
+    return (*(recorded or {_command(group): None}), f"dembench report {shlex.quote(where)} -o report.html")
+
+
+def _command(group: Group) -> str:
+    spec = group.first.spec
+    engines = dict.fromkeys(e.spec.label() for e in group.entries)
+    seeds = sorted({e.spec.seed for e in group.entries})
+    words = ["dembench", "run", spec.case, "--engines", ",".join(engines), "--division", spec.division]
+    if spec.preset:
+        words += ["--preset", spec.preset]
+    if seeds != [0]:
+        words += ["--seeds", ",".join(map(str, seeds))]
+    if (repeats := max(e.spec.repeat for e in group.entries)) > 1:
+        words += ["--repeat", str(repeats)]
+    return shlex.join(words)
+
+
+def _summary(groups: Sequence[Group]) -> str:
+    entries = [entry for group in groups for entry in group.entries]
+    counts = Counter(entry.state for entry in entries)
+    states = [f"{counts[s]} {comparisons.STATE_NAMES.get(s, s)}" for s in STATE_ORDER if counts[s]]
+    engines = {entry.spec.engine for entry in entries}
+    days = sorted({entry.status.started[:10] for entry in entries if entry.status.started})
+    when = f" Run on {days[0]}." if len(days) == 1 else f" Run from {days[0]} to {days[-1]}." if days else ""
+    return (
+        f"{_counted(len(entries), 'run')} of {_counted(len(engines), 'engine')} on {_counted(len(groups), 'problem')}: "
+        f"{', '.join(states) or 'none'}.{when}"
+    )
+
+
+def _counted(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
