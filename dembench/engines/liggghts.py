@@ -48,10 +48,14 @@ from dembench.engines.liggghts_walls import AXES, materials_of, motion_of, type_
 from dembench.scene import HertzMindlin, Scene, WallForce, features
 from dembench.scene.base import Positive
 
+DECK = "in.liggghts"
 LOG = "log.liggghts"
+"""Where the program writes its log without being asked."""
 SOFT_YOUNG, HARD_YOUNG = 5e6, 1e9
 LOWEST_RESTITUTION = 0.05
 IDS_PER_LINE = 1000
+LARGE_RATIO = 3.0
+"""Ratio of radii above which the neighbour settings for a large ball among small grains are the default."""
 
 
 class LiggghtsSettings(EngineSettings):
@@ -86,11 +90,10 @@ class Liggghts(Engine):
 
     def probe(self) -> Probe:
         """See `Engine.probe`. The environment variable DEMBENCH_LIGGGHTS names a program other than that on PATH."""
-        wanted = os.environ.get("DEMBENCH_LIGGGHTS", "liggghts")
         install = "apt-get install liggghts"
-        path = shutil.which(wanted)
+        path = shutil.which(_wanted())
         if path is None:
-            return Probe(available=False, reason=f"no program '{wanted}' was found", install=install)
+            return Probe(available=False, reason=f"no program '{_wanted()}' was found", install=install)
         try:
             banner = _output_of(path, "-help")
         except (OSError, subprocess.TimeoutExpired) as error:
@@ -108,7 +111,7 @@ class Liggghts(Engine):
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
         law = scene.law
-        faults = []
+        faults = [] if len(scene.bodies) else ["a scene without bodies"]
         if not isinstance(law, HertzMindlin):
             faults.append(f"contact law {law.kind}")
         elif law.variant != "reference":
@@ -129,16 +132,18 @@ class Liggghts(Engine):
         for surface in walls(scene, 8)[1]:
             low, high = surface.triangles.min(axis=(0, 1)), surface.triangles.max(axis=(0, 1))
             if (low < scene.domain.lower).any() or (high > scene.domain.upper).any():
-                faults.append(f"wall {surface.id}: its triangles reach out of the domain")
+                faults.append(f"triangles of {surface.id} reach out of the domain")
         return faults
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
         """See `Engine.defaults`: in the open division a tenth of the Rayleigh time; neighbour settings as measured."""
         step = scene.closed_step() if division == "closed" else scene.fitted_step(0.1 * scene.rayleigh_time())
         smallest, largest = float(scene.radii().min()), float(scene.radii().max())
-        if largest > 3 * smallest:
-            return {"dt": step, "skin": 0.8 * smallest, "bin_size": 4 * smallest, "sort_size": 2.5 * smallest}
-        return {"dt": step, "skin": 0.4 * smallest}
+        if largest > LARGE_RATIO * smallest:
+            factors = {"skin": 0.8, "bin_size": 4.0, "sort_size": 2.5}
+        else:
+            factors = {"skin": 0.4}
+        return {"dt": step} | {key: float(f"{factor * smallest:.6g}") for key, factor in factors.items()}
 
     # ---- writing
 
@@ -149,8 +154,8 @@ class Liggghts(Engine):
             write_stl(directory / f"{surface.id}.stl", surface.triangles)
         _write_bodies(scene, directory / "bodies.data")
         (directory / "frames").mkdir(exist_ok=True)
-        program = self.probe().path or "liggghts"
-        command = [program, "-in", "in.liggghts", "-log", LOG]
+        program = shutil.which(_wanted()) or "liggghts"
+        command = [program, "-in", DECK]
         environment = {"OMP_NUM_THREADS": "1"}
         if settings.ranks > 1:
             command = ["mpirun", "--bind-to", "none", "--oversubscribe", "-n", str(settings.ranks), *command]
@@ -160,7 +165,7 @@ class Liggghts(Engine):
         )
         shown = " ".join(Path(part).name if part == program else part for part in command)
         text = template.render(_deck(scene, settings), primitives=primitives, meshes=surfaces, launch=shown)
-        (directory / "in.liggghts").write_text(text)
+        (directory / DECK).write_text(text)
         return [Phase(name="simulate", command=tuple(command), environment=environment)]
 
     # ---- reading
@@ -178,6 +183,10 @@ class Liggghts(Engine):
         timing = Timing() if loop is None else Timing(loop=loop, source="engine")
         time = last_step(text) * settings.dt
         return Series(frames, tracks, timing, time, failure, detail, counters_in(text))
+
+
+def _wanted() -> str:
+    return os.environ.get("DEMBENCH_LIGGGHTS", "liggghts")
 
 
 def _output_of(*command: str) -> str:
@@ -233,8 +242,8 @@ def _deck(scene: Scene, settings: LiggghtsSettings) -> dict[str, Any]:
 
 def _grid(scene: Scene, ranks: int) -> tuple[int, int, int]:
     """The division of the domain among ranks with the least cut surface through the bodies."""
-    size = np.ptp(scene.bodies.position, axis=0) + 2 * scene.radii().max()
-    faces = size.prod() / size
+    spread = np.std(scene.bodies.position, axis=0) + scene.radii().mean()  # not the extent: a single ball would set it
+    faces = spread.prod() / spread
     grids = [
         (a, b, ranks // (a * b)) for a in range(1, ranks + 1) for b in range(1, ranks // a + 1) if ranks % (a * b) == 0
     ]
