@@ -1,0 +1,307 @@
+"""The command as a person meets it: exit codes, JSON, messages, interruption and killing."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import jsonschema
+import psutil
+import pytest
+from conftest import wait_for
+from typer.testing import CliRunner
+
+from dembench.cli import app
+from dembench.results import read, validate
+from dembench.runs.directory import find_runs
+from dembench.scene import save_scene
+
+STANDIN = Path(__file__).with_name("standin.py")
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture
+def scene_file(small_scene, tmp_path):
+    path = tmp_path / "small.json"
+    save_scene(small_scene(), path)
+    return path
+
+
+@pytest.fixture
+def command(standin, tmp_path, monkeypatch):
+    """Runs the command in this process, in an empty directory."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        return CliRunner().invoke(app, [str(a) for a in arguments])
+
+    return call
+
+
+def _run(command, scene_file, *arguments):
+    return command("run", scene_file, "--no-report", *arguments)
+
+
+def _states(out="runs"):
+    return {record.spec.engine: record.status.state for record in find_runs(Path(out))}
+
+
+def test_all_ok_is_code_0_and_finished_runs_are_reused(command, scene_file):
+    done = _run(command, scene_file, "--engines", "standin,standin-coarse")
+    assert done.exit_code == 0, done.output
+    assert _states() == {"standin": "ok", "standin-coarse": "ok"}
+    again = _run(command, scene_file, "--engines", "standin,standin-coarse", "--json")
+    assert again.exit_code == 0
+    assert {r["action"] for r in json.loads(again.stdout)["runs"]} == {"reuse"}
+    fresh = _run(command, scene_file, "--engines", "standin", "--json", "--fresh")
+    assert {r["action"] for r in json.loads(fresh.stdout)["runs"]} == {"run"}
+
+
+@pytest.mark.parametrize(
+    ("engine", "state", "shown"),
+    [
+        ("standin-absent", "missing", "apt install standin"),
+        ("standin-picky", "skipped", "all radii must be equal"),
+        ("standin", "failed", "exit code 3"),
+    ],
+)
+def test_a_run_that_is_not_ok_is_code_1_and_the_others_finish(command, standin, scene_file, engine, state, shown):
+    standin(standin=["crash", 4])
+    done = _run(command, scene_file, "--engines", f"{engine},standin-coarse")
+    assert done.exit_code == 1
+    assert shown in done.output
+    assert _states() == {engine: state, "standin-coarse": "ok"}
+
+
+def test_the_last_line_is_the_path_of_the_report(command, scene_file):
+    done = command("run", scene_file, "--engines", "standin")
+    assert done.exit_code == 0, done.output
+    page = Path(done.stdout.splitlines()[-1])
+    assert page == Path("runs/report.html")
+    assert "standin" in page.read_text()
+    assert command("report", "runs", "-o", "other.html").stdout.strip() == "other.html"
+    assert Path("other.html").stat().st_size > 1000
+
+
+USAGE = {
+    "engine": (["--engines", "standim"], "Did you mean 'standin'"),
+    "engine text": (["--engines", "standin[dt"], "is no engine"),
+    "setting": (["--engines", "standin[thread=1]"], "did you mean 'threads'"),
+    "setting value": (["--engines", "standin[dt=-1]"], "greater than 0"),
+    "cores": (["--engines", "standin[threads=1000]"], "asks for 1000 cores"),
+    "time": (["--time", "soon"], "is no time"),
+    "long time": (["--time", "5"], "longer than the 0.01 s"),
+    "timeout": (["--timeout", "0"], "is no time"),
+    "seeds": (["--seeds", "a,b"], "is no list of seeds"),
+    "same seeds": (["--seeds", "1,1"], "is no list of seeds"),
+    "preset of a file": (["--preset", "quick"], "--preset is for cases"),
+}
+
+
+@pytest.mark.parametrize("fault", USAGE)
+def test_a_usage_error_is_one_message_and_code_2(command, scene_file, fault):
+    arguments, message = USAGE[fault]
+    if "--engines" not in arguments:
+        arguments = [*arguments, "--engines", "standin"]
+    done = _run(command, scene_file, *arguments)
+    assert done.exit_code == 2, done.output
+    assert message in done.stderr
+    assert "Traceback" not in done.output
+    assert not Path("runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        ("case99", "no case is called 'case99'"),
+        ("case3[bad=25k]", "no parameter 'bad'. Did you mean 'bed'?"),
+        ("absent.json", "absent.json: No such file"),
+    ],
+)
+def test_an_unknown_case_is_a_usage_error(command, what, message):
+    done = command("run", what, "--engines", "standin", "--no-report")
+    assert done.exit_code == 2
+    assert message in done.stderr and "Traceback" not in done.output
+
+
+def test_a_bad_scene_names_its_fault(command, scene_file):
+    data = json.loads(scene_file.read_text())
+    data["bodies"]["position"][1][0] = 0.001
+    scene_file.write_text(json.dumps(data))
+    done = _run(command, scene_file, "--engines", "standin")
+    assert done.exit_code == 2 and "overlap" in done.stderr
+    data["species"][0]["radius"] = -1
+    scene_file.write_text(json.dumps(data))
+    done = _run(command, scene_file, "--engines", "standin")
+    assert done.exit_code == 2 and "species.0.radius" in done.stderr
+
+
+def test_time_cuts_the_scene(command, scene_file):
+    _run(command, scene_file, "--engines", "standin", "--time", "0.004")
+    (record,) = find_runs(Path("runs"))
+    assert record.spec.duration == pytest.approx(0.004)
+    assert record.result.observables["low"].time[-1] == pytest.approx(0.004)
+
+
+def test_repeats_are_runs_of_their_own(command, scene_file):
+    done = _run(command, scene_file, "--engines", "standin", "--repeat", "2", "--json")
+    assert len({r["name"] for r in json.loads(done.stdout)["runs"]}) == 2
+    assert sorted(r.spec.repeat for r in find_runs(Path("runs"))) == [1, 2]
+
+
+def test_plan_shows_what_would_run_and_runs_nothing(command, scene_file):
+    planned = json.loads(command("plan", scene_file, "--engines", "standin,standin-absent", "--json").stdout)
+    assert [(r["engine"], r["action"], r["estimate"]) for r in planned] == [
+        ("standin", "run", 3.0),
+        ("standin-absent", "missing", 3.0),
+    ]
+    assert len(planned[0]["hash"]) == 64
+    assert not Path("runs").exists()
+    _run(command, scene_file, "--engines", "standin")
+    again = json.loads(command("plan", scene_file, "--engines", "standin", "--json").stdout)
+    assert again[0]["action"] == "reuse" and again[0]["hash"] == planned[0]["hash"]
+    assert "reuse" in command("plan", scene_file, "--engines", "standin").stdout
+
+
+def test_without_engines_all_that_are_there_are_used(command, scene_file):
+    planned = json.loads(command("plan", scene_file, "--json").stdout)
+    assert {r["engine"] for r in planned} == {"standin", "standin-coarse", "standin-picky", "standin-wordless"}
+
+
+def test_write_makes_a_deck_and_says_how_to_run_it(command, scene_file):
+    done = command("write", scene_file, "--engine", "standin[dt=5e-6]", "-o", "deck")
+    assert done.exit_code == 0 and "standin_program.py" in done.stdout
+    assert (Path("deck") / "deck.txt").exists()
+    assert command("write", scene_file, "--engine", "standin", "-o", "deck").exit_code == 2
+    refused = command("write", scene_file, "--engine", "standin-picky", "-o", "other")
+    assert refused.exit_code == 2 and "radii" in refused.stderr and not Path("other").exists()
+    phases = json.loads(command("write", scene_file, "--engine", "standin", "-o", "third", "--json").stdout)
+    assert phases[0]["name"] == "simulate"
+
+
+def test_validate_has_code_1_where_there_is_a_fault(command, scene_file):
+    _run(command, scene_file, "--engines", "standin")
+    (record,) = find_runs(Path("runs"))
+    assert command("validate", record.directory / "result.h5").exit_code == 0
+    faulty = command("validate", record.directory / "result.h5", scene_file, "--json")
+    assert faulty.exit_code == 1
+    found = json.loads(faulty.stdout)
+    assert found[str(record.directory / "result.h5")] == [] and "not an HDF5" in found[str(scene_file)][0]
+
+
+def test_engines_cases_doctor_and_schema_are_json(command, scene_file):
+    engines = json.loads(command("engines", "--json").stdout)
+    assert engines["standin"]["available"] and not engines["standin-absent"]["available"]
+    assert "apt install standin" in command("engines").stdout
+    cases = json.loads(command("cases", "--json").stdout)
+    assert any(case["name"] == "case3" and "bed" in case["parameters"] for case in cases)
+    assert "case3" in command("cases").stdout
+    doctor = json.loads(command("doctor", "--json").stdout)
+    assert doctor["machine"]["cores"] >= 1 and doctor["devices"] and doctor["cache"]
+    assert "standin-absent" in command("doctor").stdout
+    schema = json.loads(command("schema").stdout)
+    jsonschema.validate(json.loads(scene_file.read_text()), schema)
+
+
+def test_an_empty_directory_has_no_report(command):
+    done = command("report", "nothing")
+    assert done.exit_code == 2 and "holds no runs" in done.stderr
+
+
+# ---- interruption: the command as a process of its own
+
+
+@pytest.fixture
+def process(scene_file, tmp_path):
+    started = []
+
+    def start(modes, *arguments):
+        child = subprocess.Popen(
+            [sys.executable, STANDIN, "run", scene_file, "--no-report", "--checkpoint", "0.2", *arguments],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(ROOT), "STANDIN": json.dumps(modes)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        started.append(child)
+        return child
+
+    yield start
+    for child in started:
+        child.kill()
+        child.communicate()
+
+
+def _record(out, engine):
+    return next((r for r in find_runs(out) if r.spec.engine == engine), None)
+
+
+def _rows(out, engine):
+    record = _record(out, engine)
+    return len(record.result.observables["low"].time) if record and record.result else 0
+
+
+def _pids(out, engine):
+    path = _record(out, engine).directory / "deck" / "pids"
+    return [int(pid) for pid in path.read_text().split()]
+
+
+def _gone(pid):
+    return not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_command_leaves_readable_partial_results(process, tmp_path, number):
+    out = tmp_path / "runs"
+    child = process({"standin": ["hang", 5]}, "--engines", "standin,standin-coarse")
+    wait_for(lambda: _rows(out, "standin") == 5)
+    pids = _pids(out, "standin")
+    child.send_signal(number)
+    output, _ = child.communicate(timeout=30)
+    assert child.returncode == 1 and "Traceback" not in output, output
+    record = _record(out, "standin")
+    assert record.status.state == "interrupted"
+    assert _rows(out, "standin") == 5 and validate(record.directory / "result.h5") == []
+    assert _record(out, "standin-coarse") is None, "the run that waited was not started"
+    assert all(_gone(pid) for pid in pids)
+
+
+def test_a_killed_command_takes_its_engine_along_and_a_second_one_completes_the_missing_run(process, tmp_path):
+    out = tmp_path / "runs"
+    child = process({"standin": ["hang", 5]}, "--engines", "standin-coarse,standin")
+    wait_for(lambda: _rows(out, "standin") == 5)
+    pids = _pids(out, "standin")
+    assert _record(out, "standin").status.state == "running"
+    child.kill()
+    child.wait()
+    for pid in pids:
+        wait_for(lambda pid=pid: _gone(pid))
+    record = _record(out, "standin")
+    assert record.status.state == "interrupted" and "standin starts" in record.status.log_tail
+    assert validate(record.directory / "result.h5") == []
+    assert read(record.directory / "result.h5").status["state"] == "interrupted"
+    finished = _record(out, "standin-coarse").directory / "result.h5"
+    before = finished.stat().st_mtime_ns
+
+    second = process({}, "--engines", "standin-coarse,standin")
+    output, _ = second.communicate(timeout=60)
+    assert second.returncode == 0, output
+    assert _states(out) == {"standin": "ok", "standin-coarse": "ok"}
+    assert finished.stat().st_mtime_ns == before, "the finished run was not touched"
+    assert _rows(out, "standin") == 11
+
+
+def test_killing_the_engine_fails_its_run_and_the_command_goes_on(process, tmp_path):
+    out = tmp_path / "runs"
+    child = process({"standin": ["hang", 5]}, "--engines", "standin,standin-coarse")
+    wait_for(lambda: _rows(out, "standin") == 5)
+    os.kill(_pids(out, "standin")[0], signal.SIGKILL)
+    output, _ = child.communicate(timeout=60)
+    assert child.returncode == 1
+    assert _states(out) == {"standin": "failed", "standin-coarse": "ok"}
+    assert "SIGKILL" in output
