@@ -14,9 +14,12 @@ import warp as wp
 from dembench.solver.laws import LawOptions, contact_force
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import ONE, pair_lookup
-from dembench.solver.sync import barrier
-from dembench.solver.types import types
+from dembench.solver.sync import barrier, prefetch_function
+from dembench.solver.types import types, vec8d
 from dembench.solver.walls import wall_distance
+
+PREFETCH = wp.constant(16)
+"""How many pairs ahead the second body of a pair is asked for."""
 
 DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
 """Why a launch came back."""
@@ -46,14 +49,13 @@ class StepOptions:
 
 @cache
 def lever_function(o: StepOptions) -> Any:
-    """Lever arm of the tangential force as a Warp function (bodies, i, overlap) -> length."""
-    t = types(o.law.precision)
-    real, Bodies = t.real, t.Bodies
+    """Lever arm of the tangential force as a Warp function (kin, overlap) -> length."""
+    real = types(o.law.precision).real
     rescaled = o.law.rescaled
 
     @wp.func
-    def lever(b: Bodies, i: int, overlap: real):
-        arm = real(b.radius[i])
+    def lever(k: vec8d, overlap: real):
+        arm = real(k[6])
         if wp.static(not rescaled):
             arm = arm - real(0.5) * overlap
         return arm
@@ -67,18 +69,23 @@ def force_functions(o: StepOptions) -> Any:
     t = types(o.law.precision)
     real, vec3, vec4, Bodies, PairClass, Wall = t.real, t.vec3, t.vec4, t.Bodies, t.PairClass, t.Wall
     force = contact_force(o.law)
-    of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
+    _of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
     distance_of = wall_distance(o.law.precision, o.curved)
     lever = lever_function(o)
     friction, moving = o.law.friction, o.moving
 
     @wp.func
-    def pair(b: Bodies, i: int, j: int, memory: vec4, table: wp.array(dtype=PairClass), columns: int, dt: real):
-        """Force and torque arm of body i against body j: f on i, ft, the new memory and the overlap (0 if apart)."""
-        f, ft, after, overlap = vec3(), vec3(), vec4(), real(0.0)
-        d = b.x[i] - b.x[j]
-        reach = b.radius[i] + b.radius[j]
-        inside = reach * reach - wp.dot(d, d)
+    def spin(b: Bodies, i: int):
+        w = b.spin[i]
+        return vec3(w[0], w[1], w[2])
+
+    @wp.func
+    def pair(ki: vec8d, kj: vec8d, wi: vec3, wj: vec3, memory: vec4, c: PairClass, dt: real):
+        """Force of body i against body j: f on i, ft (as n x ft), the new memory and the overlap (0 if apart)."""
+        f, torque, after, overlap = vec3(), vec3(), vec4(), real(0.0)
+        d = ki - kj
+        reach = ki[6] + kj[6]
+        inside = reach * reach - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         if inside > wp.float64(0.0):
             # (reach^2 - r^2)/(reach + r) keeps the overlap exact in single precision where reach - r would not
             e = vec3(real(d[0]), real(d[1]), real(d[2]))
@@ -86,39 +93,39 @@ def force_functions(o: StepOptions) -> Any:
             overlap = real(inside) / (real(reach) + r)
             n = vec3(real(1.0), real(0.0), real(0.0))
             if r > real(0.0):
-                n = e / r
-            dv = b.v[i] - b.v[j]
+                n = e * (real(1.0) / r)
             s = vec3()
             if wp.static(friction):
-                s = lever(b, i, overlap) * b.w[i] + lever(b, j, overlap) * b.w[j]
-            c = of_pair(b, i, j, table, columns)
-            f, ft, after = force(n, overlap, vec3(real(dv[0]), real(dv[1]), real(dv[2])), s, memory, c, dt)
+                s = lever(ki, overlap) * wi + lever(kj, overlap) * wj
+            f, ft, after = force(n, overlap, vec3(real(d[3]), real(d[4]), real(d[5])), s, memory, c, dt)
             if wp.static(friction):
-                ft = wp.cross(n, ft)
-        return f, ft, after, overlap
+                torque = wp.cross(n, ft)
+        return f, torque, after, overlap
 
     @wp.func
     def wall(b: Bodies, i: int, feature: Wall, memory: vec4, table: wp.array(dtype=PairClass), columns: int, dt: real):
         """The same for body i against a wall feature."""
         f, ft, after, overlap = vec3(), vec3(), vec4(), real(0.0)
-        distance, normal = distance_of(feature, b.x[i])
-        gap = distance - b.radius[i]
+        k = b.kin[i]
+        x = wp.vec3d(k[0], k[1], k[2])
+        distance, normal = distance_of(feature, x)
+        gap = distance - k[6]
         if gap < wp.float64(0.0):
             overlap = real(-gap)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
-            dv = wp.vec3d(b.v[i])
+            dv = wp.vec3d(k[3], k[4], k[5])
             if wp.static(moving):
-                dv = dv - feature.velocity - wp.cross(feature.spin, b.x[i] - feature.centre)
+                dv = dv - feature.velocity - wp.cross(feature.spin, x - feature.centre)
             s = vec3()
             if wp.static(friction):
-                s = lever(b, i, overlap) * b.w[i]
+                s = lever(k, overlap) * spin(b, i)
             c = of_wall(b, i, feature.kind, table, columns)
             f, ft, after = force(n, overlap, vec3(real(dv[0]), real(dv[1]), real(dv[2])), s, memory, c, dt)
             if wp.static(friction):
                 ft = wp.cross(n, ft)
         return f, ft, after, overlap
 
-    return pair, wall
+    return pair, wall, spin
 
 
 @cache
@@ -131,44 +138,55 @@ def advance_kernel(o: StepOptions) -> Any:
     small and of large bodies, sum of squared speeds, largest overlap.
     """
     t = types(o.law.precision)
-    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
-    pair, wall = force_functions(o)
+    pair, wall, spin = force_functions(o)
     lever = lever_function(o)
+    prefetch = prefetch_function(Bodies)
+    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     near = near_functions(o.law.precision)
     pick_near, pick_big = near.pick_near, near.pick_big
     walls, bigs, rotation, threads, friction = o.walls, o.bigs, o.rotation, o.threads, o.law.friction
 
     @wp.func
-    def kick(b: Bodies, i: int, half: wp.float64, gravity: wp.vec3d):
-        """Half a step of acceleration."""
+    def kick(b: Bodies, i: int, k: vec8d, times: int, half: wp.float64, gravity: wp.vec3d):
+        """Half a step of acceleration, `times` times; the sum is rounded after each, so that blocks may end anywhere."""
+        load = b.load[i]
         m = b.inv_m[i]
+        out = k
         if m > real(0.0):
-            f = b.f[i] * m
-            b.v[i] += half * (wp.vec3d(wp.float64(f[0]), wp.float64(f[1]), wp.float64(f[2])) + gravity)
+            ax = half * (wp.float64(load[0] * m) + gravity[0])
+            ay = half * (wp.float64(load[1] * m) + gravity[1])
+            az = half * (wp.float64(load[2] * m) + gravity[2])
+            vx, vy, vz = k[3] + ax, k[4] + ay, k[5] + az
+            if times == 2:
+                vx, vy, vz = vx + ax, vy + ay, vz + az
+            out = vec8d(k[0], k[1], k[2], vx, vy, vz, k[6], k[7])
         if wp.static(rotation):
-            b.w[i] += (real(half) * b.inv_i[i]) * b.tq[i]
+            g = real(half) * b.inv_i[i]
+            turn = vec4(g * load[4], g * load[5], g * load[6], real(0.0))
+            w = b.spin[i] + turn
+            if times == 2:
+                w = w + turn
+            b.spin[i] = w
+        return out
 
     @wp.func
-    def kick_drift(b: Bodies, i: int, pending: bool, dt: wp.float64, gravity: wp.vec3d):
+    def kick_drift(b: Bodies, i: int, pending: int, dt: wp.float64, gravity: wp.vec3d):
         """The second half kick of the last step where it is pending, the first of this one, and the drift."""
-        half = dt * wp.float64(0.5)
-        if pending:
-            kick(b, i, half, gravity)
-        kick(b, i, half, gravity)
-        b.x[i] += dt * b.v[i]
-        b.f[i] = vec3()
-        if wp.static(rotation):
-            b.tq[i] = vec3()
-        return wp.dot(b.v[i], b.v[i])
+        k = kick(b, i, b.kin[i], 1 + pending, dt * wp.float64(0.5), gravity)
+        b.kin[i] = vec8d(k[0] + dt * k[3], k[1] + dt * k[4], k[2] + dt * k[5], k[3], k[4], k[5], k[6], k[7])
+        b.load[i] = vec8()
+        return k[3] * k[3] + k[4] * k[4] + k[5] * k[5]
 
     @wp.func
-    def add_pair(b: Bodies, i: int, j: int, f: vec3, torque: vec3, overlap: real):
-        b.f[i] += f
-        b.f[j] -= f
+    def load_of(f: vec3, torque: vec3, arm: real):
+        """Force and torque of one contact as a row of `load`."""
+        z = real(0.0)
+        row = vec8(f[0], f[1], f[2], z, z, z, z, z)
         if wp.static(friction):
-            b.tq[i] -= lever(b, i, overlap) * torque
-            b.tq[j] -= lever(b, j, overlap) * torque
+            row = vec8(f[0], f[1], f[2], z, -arm * torque[0], -arm * torque[1], -arm * torque[2], z)
+        return row
 
     @wp.func
     def near_pairs(
@@ -180,17 +198,40 @@ def advance_kernel(o: StepOptions) -> Any:
         columns: int,
         dt: real,
     ):
+        """All near pairs of a region, which stand sorted by i: what concerns i is read and written once per run."""
         largest = real(0.0)
+        current = int(-1)
+        ki = vec8d()
+        wi = vec3()
+        total = vec8()
         for q in range(count):
             k = lists.near[base + q]
             i, j = lists.i[k], lists.j[k]
-            f, torque, after, overlap = pair(b, i, j, lists.memory[k], table, columns, dt)
+            if q + PREFETCH < count:
+                prefetch(b, lists.j[lists.near[base + q + PREFETCH]])
+            if i != current:
+                if current >= 0:
+                    b.load[current] = b.load[current] + total
+                current = i + 0
+                ki = b.kin[i] * wp.float64(1.0)
+                if wp.static(friction):
+                    wi = spin(b, i)
+                total = vec8()
+            kj = b.kin[j]
+            wj = vec3()
+            if wp.static(friction):
+                wj = spin(b, j)
+            c = of_pair(b, i, j, table, columns)
+            f, torque, after, overlap = pair(ki, kj, wi, wj, lists.memory[k], c, dt)
             if overlap > real(0.0):
-                add_pair(b, i, j, f, torque, overlap)
+                total = total + load_of(f, torque, lever(ki, overlap))
+                b.load[j] = b.load[j] + load_of(-f, torque, lever(kj, overlap))
                 lists.memory[k] = after
                 largest = wp.max(largest, overlap)
             elif lists.memory[k][3] != real(0.0):
                 lists.memory[k] = vec4()
+        if current >= 0:
+            b.load[current] = b.load[current] + total
         return largest
 
     @wp.func
@@ -210,9 +251,7 @@ def advance_kernel(o: StepOptions) -> Any:
             slot = k * total + i
             f, torque, after, overlap = wall(b, i, features[k], lists.wall_memory[slot], table, columns, dt)
             if overlap > real(0.0):
-                b.f[i] += f
-                if wp.static(friction):
-                    b.tq[i] -= lever(b, i, overlap) * torque
+                b.load[i] = b.load[i] + load_of(f, torque, lever(b.kin[i], overlap))
                 lists.wall_memory[slot] = after
             elif lists.wall_memory[slot][3] != real(0.0):
                 lists.wall_memory[slot] = vec4()
@@ -225,9 +264,12 @@ def advance_kernel(o: StepOptions) -> Any:
         for q in range(count):
             i, j = lists.big_i[q], lists.big_j[q]
             slot = (j - n) * total + i
-            f, torque, after, overlap = pair(b, i, j, lists.big_memory[slot], table, columns, dt)
+            ki, kj = b.kin[i], b.kin[j]
+            c = of_pair(b, i, j, table, columns)
+            f, torque, after, overlap = pair(ki, kj, spin(b, i), spin(b, j), lists.big_memory[slot], c, dt)
             if overlap > real(0.0):
-                add_pair(b, i, j, f, torque, overlap)
+                b.load[i] = b.load[i] + load_of(f, torque, lever(ki, overlap))
+                b.load[j] = b.load[j] + load_of(-f, torque, lever(kj, overlap))
                 lists.big_memory[slot] = after
                 largest = wp.max(largest, overlap)
             elif lists.big_memory[slot][3] != real(0.0):
@@ -285,13 +327,13 @@ def advance_kernel(o: StepOptions) -> Any:
             if mid == 0:
                 fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
                 for i in range(begin, end):
-                    speed = kick_drift(b, i, pending == 1, dt, gravity)
+                    speed = kick_drift(b, i, pending, dt, gravity)
                     fastest = wp.max(fastest, speed)
                     check += speed
                 if wp.static(bigs):
                     if part == 0:
                         for i in range(n, total):
-                            speed = kick_drift(b, i, pending == 1, dt, gravity)
+                            speed = kick_drift(b, i, pending, dt, gravity)
                             fastest_big = wp.max(fastest_big, speed)
                             check += speed
                 if wp.static(threads):
@@ -391,11 +433,11 @@ def advance_kernel(o: StepOptions) -> Any:
                 done += 1
         if mid == 0 and pending == 1 and memory_dt > real(0.0):
             for i in range(begin, end):
-                kick(b, i, half, gravity)
+                b.kin[i] = kick(b, i, b.kin[i], 1, half, gravity)
             if wp.static(bigs):
                 if part == 0:
                     for i in range(n, total):
-                        kick(b, i, half, gravity)
+                        b.kin[i] = kick(b, i, b.kin[i], 1, half, gravity)
         travel[slot + 3] = wp.float64(overlap)
         if part == 0:
             travel[0] = since_build

@@ -115,10 +115,10 @@ def contact_force(options: LawOptions) -> Any:
                 xi = xi + vt * dt
                 xi = xi - wp.dot(xi, n) * n
             k = c.kt * root
-            spring = k * wp.length(xi)
+            spring2 = k * k * wp.dot(xi, xi)
             bound = c.mu * wp.abs(fn)
-            if spring > bound:
-                xi = xi * (bound / spring)
+            if spring2 > bound * bound:
+                xi = xi * (bound / wp.sqrt(spring2))
                 ft = -k * xi
             else:
                 eta_t = c.dt * quarter

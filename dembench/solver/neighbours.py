@@ -16,11 +16,25 @@ from dembench.solver.walls import wall_distance
 
 
 @cache
+def position_function(precision: str) -> Any:
+    """Position of a body as a Warp function (bodies, i) -> vec3d."""
+    Bodies = types(precision).Bodies
+
+    @wp.func
+    def position(b: Bodies, i: int):
+        k = b.kin[i]
+        return wp.vec3d(k[0], k[1], k[2])
+
+    return position
+
+
+@cache
 def list_kernels(precision: str, curved: bool) -> Any:
     """Kernels that sort particles and build lists; every kernel is serial and launched with dim = 1."""
     t = types(precision)
     real, vec4, Bodies, Lists, Wall = t.real, t.vec4, t.Bodies, t.Lists, t.Wall
     distance_of = wall_distance(precision, curved)
+    position = position_function(precision)
 
     @wp.kernel(enable_backward=False, module="unique")
     def bounds(
@@ -30,11 +44,11 @@ def list_kernels(precision: str, curved: bool) -> Any:
         # outputs
         box: wp.array(dtype=wp.vec3d),
     ):
-        low = wp.vec3d(b.x[0])
-        high = wp.vec3d(b.x[0])
+        low = position(b, 0)
+        high = position(b, 0)
         for i in range(1, n):
-            low = wp.min(low, b.x[i])
-            high = wp.max(high, b.x[i])
+            low = wp.min(low, position(b, i))
+            high = wp.max(high, position(b, i))
         box[0] = low
         box[1] = high
 
@@ -57,7 +71,7 @@ def list_kernels(precision: str, curved: bool) -> Any:
         for c in range(n_cells + 1):
             start[c] = 0
         for i in range(n):
-            p = (b.x[i] - origin) * inverse
+            p = (position(b, i) - origin) * inverse
             u = wp.clamp(int(wp.floor(p[axis[0]])), 0, cells[0] - 1)
             v = wp.clamp(int(wp.floor(p[axis[1]])), 0, cells[1] - 1)
             w = wp.clamp(int(wp.floor(p[axis[2]])), 0, cells[2] - 1)
@@ -101,12 +115,9 @@ def list_kernels(precision: str, curved: bool) -> Any:
             if k < n:
                 i = order[k]
             place[i] = k
-            b_out.x[k] = b.x[i]
-            b_out.v[k] = b.v[i]
-            b_out.w[k] = b.w[i]
-            b_out.f[k] = b.f[i]
-            b_out.tq[k] = b.tq[i]
-            b_out.radius[k] = b.radius[i]
+            b_out.kin[k] = b.kin[i]
+            b_out.spin[k] = b.spin[i]
+            b_out.load[k] = b.load[i]
             b_out.inv_m[k] = b.inv_m[i]
             b_out.inv_i[k] = b.inv_i[i]
             b_out.kind[k] = b.kind[i]
@@ -187,8 +198,8 @@ def list_kernels(precision: str, curved: bool) -> Any:
         end = ranges[part + 1]
         inside, across = int(0), int(0)
         for i in range(ranges[part], end):
-            xi = b.x[i]
-            ri = b.radius[i]
+            xi = position(b, i)
+            ri = b.kin[i][6]
             p = (xi - origin) * inverse
             u = wp.clamp(int(wp.floor(p[axis[0]])), 0, cells[0] - 1)
             v = wp.clamp(int(wp.floor(p[axis[1]])), 0, cells[1] - 1)
@@ -209,8 +220,8 @@ def list_kernels(precision: str, curved: bool) -> Any:
                     if row > 0:
                         first = start[base + w0]
                 for j in range(first, last):
-                    d = xi - b.x[j]
-                    reach = ri + b.radius[j] + skin
+                    d = xi - position(b, j)
+                    reach = ri + b.kin[j][6] + skin
                     if wp.dot(d, d) < reach * reach:
                         if j < end:
                             if inside < capacity:
@@ -250,8 +261,8 @@ def list_kernels(precision: str, curved: bool) -> Any:
         found = int(count[part])
         for i in range(first, last):
             for k in range(n_walls):
-                distance, _n = distance_of(walls[k], b.x[i])
-                if distance - b.radius[i] < skin:
+                distance, _n = distance_of(walls[k], position(b, i))
+                if distance - b.kin[i][6] < skin:
                     if found < capacity:
                         lists.wall_i[base + found] = i
                         lists.wall_f[base + found] = k
@@ -270,6 +281,7 @@ def near_functions(precision: str) -> Any:
     """Warp functions that pick the near pairs of a region and the candidates of the large bodies."""
     t = types(precision)
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
+    position = position_function(precision)
 
     @wp.func
     def pick_near(b: Bodies, lists: Lists, base: int, count: int, skin: wp.float64):
@@ -278,8 +290,8 @@ def near_functions(precision: str) -> Any:
         for q in range(count):
             k = base + q
             i, j = lists.i[k], lists.j[k]
-            d = b.x[i] - b.x[j]
-            reach = b.radius[i] + b.radius[j] + skin
+            d = position(b, i) - position(b, j)
+            reach = b.kin[i][6] + b.kin[j][6] + skin
             if wp.dot(d, d) < reach * reach:
                 lists.near[base + found] = k
                 found += 1
@@ -292,11 +304,11 @@ def near_functions(precision: str) -> Any:
         """Lists all bodies within `skin` of each large body n..total; returns their number, also beyond the capacity."""
         found = int(0)
         for j in range(n, total):
-            xj = b.x[j]
-            rj = b.radius[j] + skin
+            xj = position(b, j)
+            rj = b.kin[j][6] + skin
             for i in range(j):
-                d = b.x[i] - xj
-                reach = b.radius[i] + rj
+                d = position(b, i) - xj
+                reach = b.kin[i][6] + rj
                 if wp.dot(d, d) < reach * reach:
                     if found < capacity:
                         lists.big_i[found] = i

@@ -105,7 +105,7 @@ def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
         else:
             c = table[b.kind[i] * columns + b.kind[j]]
             if wp.static(mode == RADII):
-                ri, rj = real(b.radius[i]), real(b.radius[j])
+                ri, rj = real(b.kin[i][6]), real(b.kin[j][6])
                 c = scaled(c, ri * rj / (ri + rj), b.inv_m[i] + b.inv_m[j])
         return c
 
@@ -116,7 +116,7 @@ def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
         else:
             c = table[b.kind[i] * columns + k]
             if wp.static(mode == RADII):
-                c = scaled(c, real(b.radius[i]), b.inv_m[i])
+                c = scaled(c, real(b.kin[i][6]), b.inv_m[i])
         return c
 
     return of_pair, of_wall

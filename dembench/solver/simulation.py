@@ -16,7 +16,7 @@ from dembench.solver.walls import unsupported_walls, wall_materials
 
 SKIN = 0.15
 """Gap up to which pairs are listed, in smallest diameters."""
-NEAR_SKIN = 0.02
+NEAR_SKIN = 0.005
 """Gap up to which listed pairs are tested in every step, in smallest diameters."""
 BIG_SKIN = 0.5
 """Gap up to which bodies are candidates of a large body, in smallest diameters."""
@@ -156,22 +156,22 @@ class Simulation:
     @property
     def position(self) -> np.ndarray:
         """Centres [m], shape (n, 3)."""
-        return self.state.read("x", self.units.length)
+        return self.state.read("kin", 0, self.units.length)
 
     @property
     def velocity(self) -> np.ndarray:
         """Velocities [m/s], shape (n, 3)."""
-        return self.state.read("v", self.units.velocity)
+        return self.state.read("kin", 3, self.units.velocity)
 
     @property
     def angular_velocity(self) -> np.ndarray:
         """Angular velocities [rad/s], shape (n, 3)."""
-        return self.state.read("w", 1 / self.units.time)
+        return self.state.read("spin", 0, 1 / self.units.time)
 
     @property
     def force(self) -> np.ndarray:
         """Contact forces of the last evaluation [N], shape (n, 3)."""
-        return self.state.read("f", self.units.force)
+        return self.state.read("load", 0, self.units.force)
 
     def largest_overlap(self) -> float:
         """Largest overlap of two bodies met in any step since the start [m]."""

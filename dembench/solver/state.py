@@ -11,7 +11,7 @@ import warp as wp
 from dembench.scene import Scene
 from dembench.solver.neighbours import list_kernels
 from dembench.solver.pairs import kinds
-from dembench.solver.types import types
+from dembench.solver.types import types, vec8d
 from dembench.solver.units import Units
 from dembench.solver.walls import wall_features
 
@@ -57,9 +57,8 @@ class State:
     def _bodies(self, n: int) -> Any:
         t = self.types
         b = t.Bodies()
-        b.x, b.v = wp.zeros(n, dtype=wp.vec3d, device="cpu"), wp.zeros(n, dtype=wp.vec3d, device="cpu")
-        b.w, b.f, b.tq = (wp.zeros(n, dtype=t.vec3, device="cpu") for _ in range(3))
-        b.radius = wp.zeros(n, dtype=wp.float64, device="cpu")
+        b.kin = wp.zeros(n, dtype=vec8d, device="cpu")
+        b.spin, b.load = wp.zeros(n, dtype=t.vec4, device="cpu"), wp.zeros(n, dtype=t.vec8, device="cpu")
         b.inv_m, b.inv_i = (wp.zeros(n, dtype=t.real, device="cpu") for _ in range(2))
         b.kind = wp.zeros(n, dtype=wp.int32, device="cpu")
         return b
@@ -119,7 +118,7 @@ class State:
                 inverse_mass[held] = 0
         self.identity.assign(ids)
         b = self.bodies
-        b.radius.assign(radii[ids])
+        b.kin.numpy()[:, 6] = radii[ids]
         b.inv_m.assign(inverse_mass[ids])
         b.inv_i.assign(inverse_inertia[ids])
         b.kind.assign(kinds(scene)[ids])
@@ -137,15 +136,16 @@ class State:
     def write(self, position: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> None:
         """Takes positions [m], velocities [m/s] and angular velocities [rad/s], shape (n, 3), in the scene's order."""
         ids, u = self.identity.numpy(), self.units
-        self.bodies.x.assign(position[ids] / u.length)
-        self.bodies.v.assign(velocity[ids] / u.velocity)
-        self.bodies.w.assign((spin[ids] * u.time).astype(self.types.real.__name__))
+        kin, turn = self.bodies.kin.numpy(), self.bodies.spin.numpy()
+        kin[:, 0:3] = position[ids] / u.length
+        kin[:, 3:6] = velocity[ids] / u.velocity
+        turn[:, 0:3] = spin[ids] * u.time
 
-    def read(self, name: str, scale: float) -> np.ndarray:
-        """One of the arrays x, v, w, f, tq in the scene's order, times a unit, shape (n, 3), float64."""
-        values = getattr(self.bodies, name).numpy()
+    def read(self, name: str, first: int, scale: float) -> np.ndarray:
+        """Three columns of kin, spin or load in the scene's order, times a unit, shape (n, 3), float64."""
         out = np.empty((self.total, 3))
-        out[self.identity.numpy()[: self.total]] = values[: self.total]
+        values = getattr(self.bodies, name).numpy()[: self.total, first : first + 3]
+        out[self.identity.numpy()[: self.total]] = values
         return out * scale
 
     # ---- rebuild

@@ -14,12 +14,16 @@ from typing import Any
 import warp as wp
 
 
+vec8d = wp.types.vector(8, wp.float64)
+
+
 @cache
 def types(precision: str) -> Any:
     """Types of a precision ("float32" or "float64"): real, vec3, vec4 and the records Bodies, PairClass, Wall, Lists.
 
-    Bodies: the particle arrays. x, v: position and velocity; w: angular velocity; f, tq: force and torque; inv_m,
-    inv_i: inverse mass and moment of inertia, 0 where the motion is prescribed; kind: species.
+    Bodies: the particle arrays, what a contact needs of a body side by side. kin: position (0-2), velocity (3-5), radius
+    (6); spin: angular velocity (0-2); load: force (0-2) and torque (4-6); inv_m, inv_i: inverse mass and moment of
+    inertia, 0 where the motion is prescribed; kind: species.
 
     PairClass: constants of a pair of species, of a species and a wall, or of two radii. radii: sum of the radii;
     kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4);
@@ -32,14 +36,12 @@ def types(precision: str) -> Any:
     real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
     vec3: Any = wp.types.vector(3, real)
     vec4: Any = wp.types.vector(4, real)
+    vec8: Any = wp.types.vector(8, real)
 
     class Bodies:
-        x: wp.array(dtype=wp.vec3d)
-        v: wp.array(dtype=wp.vec3d)
-        w: wp.array(dtype=vec3)
-        f: wp.array(dtype=vec3)
-        tq: wp.array(dtype=vec3)
-        radius: wp.array(dtype=wp.float64)
+        kin: wp.array(dtype=vec8d)
+        spin: wp.array(dtype=vec4)
+        load: wp.array(dtype=vec8)
         inv_m: wp.array(dtype=real)
         inv_i: wp.array(dtype=real)
         kind: wp.array(dtype=wp.int32)
@@ -84,4 +86,4 @@ def types(precision: str) -> Any:
         name = record.__name__
         record.__qualname__ = record.__name__ = f"{name}_{precision}"
         records[name] = wp.struct(record)
-    return SimpleNamespace(precision=precision, real=real, vec3=vec3, vec4=vec4, **records)
+    return SimpleNamespace(precision=precision, real=real, vec3=vec3, vec4=vec4, vec8=vec8, **records)
