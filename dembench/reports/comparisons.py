@@ -10,12 +10,13 @@ import numpy as np
 from dembench.reports.entries import RANKED, Entry, Group, Member, common_times
 from dembench.reports.svg import variable
 from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers, significant
-from dembench.reports.units import shown_in
+from dembench.reports.units import measure, shown_in
 from dembench.scene import Trajectory
 from dembench.scoring.score import Score
 
 STATE_NAMES = {"unscored": "ok, unscored"}
 MOST_OUTSIDE = 2
+RATIO = Column("Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok")
 
 
 def run_cell(member: Member, detail: str = "") -> Cell:
@@ -34,15 +35,18 @@ def state_cell(state: str) -> Cell:
 def verdicts(group: Group, title: str) -> Table:
     """One row per member: state, verdict in words, quantities that have a reference, loop time, ratio."""
     columns = [
-        Column("Engine", kind="long"), Column("State"), Column("Verdict", kind="wrap"), Column("Loop time", "s", "number"),
-        Column("Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok"),
-    ]  # fmt: skip
+        Column("Engine", kind="long"),
+        Column("State"),
+        Column("Verdict", kind="wrap"),
+        Column("Loop time", "s", "number"),
+        RATIO,
+    ]
     cells = [numbers([m.loop for m in group.members]), ratios(group)]
     for name in _leading_quantities(group):
         scores = [_score(member.shown, name) for member in group.members]
         known = next(s.quantity for s in scores if s is not None)
         factor, unit = shown_in(known.unit, [s.quantity.value for s in scores if s is not None])
-        columns.append(Column(known.title, unit, "number"))
+        columns.append(Column(known.title, unit, "number wide"))
         cells.append(numbers([None if s is None else s.quantity.value * factor for s in scores], digits=4, most=4))
     rows = [
         (run_cell(m), state_cell(m.state), Cell(verdict_text(m)), *(column[k] for column in cells))
@@ -75,24 +79,21 @@ def verdict_text(member: Member) -> str:
         case "running":
             return "Still going on; what is shown is what it has written so far."
         case _:
-            reached = f"Reached {_time(entry.reached)} of {_time(entry.spec.duration)}" if entry.observables else ""
+            reached = f"Reached {measure(entry.reached, 's')} of {measure(entry.spec.duration, 's')}"
             said = ": ".join(text for text in (status.reason, status.detail) if text)
-            return _sentence(said[:1].upper() + said[1:], reached)
+            return _sentence(said[:1].upper() + said[1:], reached if entry.observables else "")
 
 
 def _conditions(judged: Sequence[Score]) -> str:
-    return "One condition that every correct run meets" if len(judged) == 1 else (
-        f"The {len(judged)} conditions that every correct run meets"
-    )  # fmt: skip
+    return (
+        "One condition that every correct run meets"
+        if len(judged) == 1
+        else (f"The {len(judged)} conditions that every correct run meets")
+    )
 
 
 def _sentence(*parts: str) -> str:
     return " ".join(part if part.endswith(".") else f"{part}." for part in parts if part)
-
-
-def _time(seconds: float) -> str:
-    factor, unit = shown_in("s", seconds)
-    return f"{significant(seconds * factor)} {unit}"
 
 
 def _outside(score: Score) -> str:
@@ -135,15 +136,15 @@ def quantities(group: Group) -> Table | None:
     columns = (
         Column("Quantity", kind="wrap"),
         Column("Unit"),
-        *(Column(m.label, "value, error", "number") for m in members),
         Column("Reference", kind="number"),
         Column("Accepted", kind="number", note="range within which a run passes"),
+        *(Column(m.label, "value, error", "number run") for m in members),
         Column("Kind", kind="long"),
         Column("Source"),
     )
     notes = (
-        "Error: value minus reference; for a pure bound the distance beyond it. \u2713 lies within the accepted range, \u2260 "
-        "outside; without a sign nothing is judged.",
+        "Error: value minus reference; for a pure bound the distance beyond it. "
+        "\u2713 lies within the accepted range, \u2260 outside; without a sign nothing is judged.",
         *(f"[{k + 1}] {source}" for k, source in enumerate(sources)),
     )
     return Table(f"{group.name}-quantities", "Quantities and references", columns, tuple(rows), footnotes=notes)
@@ -164,15 +165,18 @@ def _quantity_row(key: Key, members: Sequence[Member], sources: Sequence[str]) -
     one = next(s for s in found if s is not None)
     _, value, low, high, source = key
     known = [v for v in (value, low, high) if v is not None]
-    factor, unit = shown_in(one.quantity.unit, known or [s.quantity.value for s in found if s is not None])
-    places = decimals([v * factor for v in known] or [s.quantity.value * factor for s in found if s is not None], digits=4, most=4)
+    values = [s.quantity.value for s in found if s is not None]
+    factor, unit = shown_in(one.quantity.unit, known + values)
+    sizes = known if value is not None else known + values
+    pure_bound = value is None and known
+    places = decimals([v * factor for v in sizes], digits=2 if pure_bound else 4, most=4)
     kind = one.reference.kind + (", necessary" if one.reference.necessary else "") if one.reference else ""
     return (
         Cell(one.quantity.title),
         Cell(unit),
-        *(_scored_cell(s, factor, places) for s in found),
         Cell() if value is None else Cell(grouped(value * factor, places), value * factor),
         Cell(_range(low, high, factor, places)),
+        *(_scored_cell(s, factor, places) for s in found),
         Cell(kind),
         Cell(f"[{sources.index(source) + 1}]") if source else Cell(),
     )
@@ -222,17 +226,23 @@ def differences(group: Group) -> Table | None:
     rms = numbers([row[5] * factor for row in found], digits=2)
     at = numbers([row[4] * time_factor for row in found])
     columns = (
-        Column("Engine", kind="long"), Column("Other engine", kind="long"), Column("Series", kind="long"),
-        Column("Largest difference", unit, "number"), Column("at", time_unit, "number"),
+        Column("Engine", kind="long"),
+        Column("Other engine", kind="long"),
+        Column("Series", kind="long"),
+        Column("Largest difference", unit, "number"),
+        Column("at", time_unit, "number"),
         Column("Root mean square", unit, "number"),
-    )  # fmt: skip
+    )
     table = tuple(
         (run_cell(a), run_cell(b), Cell(title), largest[k], at[k], rms[k]) for k, (a, b, title, *_) in enumerate(found)
     )
     return Table(
-        f"{group.name}-differences", "Differences between runs", columns, table,
+        f"{group.name}-differences",
+        "Differences between runs",
+        columns,
+        table,
         note="Between each two runs that reached the end, over the times that both recorded.",
-    )  # fmt: skip
+    )
 
 
 # ---- timings
@@ -260,12 +270,16 @@ def timings(group: Group) -> Table:
         (Column("Engine", kind="long"), [run_cell(m, _settings(m)) for m in group.members]),
         (Column("State"), [state_cell(m.state) for m in group.members]),
         (Column("Loop time", "s", "number", "median of the repeats"), _loops(group, loops)),
-        (Column("Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok"), ratios(group)),
+        (RATIO, ratios(group)),
         (Column("Particle-steps", "10⁶/s", "number"), numbers(rates)),
-        (Column("Core-seconds", "s", "number", "loop time times cores"),
-         numbers([t * c if t else None for t, c in zip(loops, cores, strict=True)])),
-        (Column("Simulated per wall time", f"{pace_unit}/s", "number"),
-         numbers([p * pace_factor if p else None for p in pace])),
+        (
+            Column("Core-seconds", "s", "number", "loop time times cores"),
+            numbers([t * c if t else None for t, c in zip(loops, cores, strict=True)]),
+        ),
+        (
+            Column("Simulated per wall time", f"{pace_unit}/s", "number"),
+            numbers([p * pace_factor if p else None for p in pace]),
+        ),
         (Column("Peak memory", "MB", "number"), numbers([_megabytes(e) for e in shown], digits=2)),
         (Column("Time step", "s", "number"), [_step(e) for e in shown]),
         (Column("Steps", kind="number"), numbers(steps, digits=1)),
@@ -273,7 +287,7 @@ def timings(group: Group) -> Table:
         (Column("Precision"), [Cell(e.spec.precision) for e in shown]),
         (Column("Device"), [Cell(e.spec.device) for e in shown]),
         (Column("Spread of repeats", "s", "number", "shortest to longest"), [_spread(m) for m in group.members]),
-    ]  # fmt: skip
+    ]
     rows = tuple(tuple(cells[k] for _, cells in columns) for k in range(len(group.members)))
     return Table(
         f"{group.name}-timings",
@@ -300,9 +314,7 @@ def _marks_explained(group: Group, rows: Sequence[Sequence[Cell]]) -> tuple[str,
         "p": "p: partial, the run ended before its simulated time; the time is that of the part.",
         "w": "w: wall time of the engine's process, since the engine prints no time of its stepping loop.",
     }
-    sources = {
-        str(e.timing["source"]) for e in group.entries if e.loop is not None and e.timing.get("source") not in (None, "wall")
-    }
+    sources = {str(e.timing.get("source", "")) for e in group.entries if e.loop is not None} - {"", "wall"}
     said = [f"Loop times without the mark w were measured by: {', '.join(sorted(sources))}."] if sources else []
     return (*said, *(text for letter, text in texts.items() if letter in used))
 
@@ -323,8 +335,8 @@ def _spread(member: Member) -> Cell:
 
 def _settings(member: Member) -> str:
     """Settings that are not columns of their own."""
-    kept = {k: v for k, v in member.shown.spec.settings.items() if k != "dt"}
-    return ", ".join(f"{key}={value:g}" if isinstance(value, float) else f"{key}={value}" for key, value in kept.items())
+    kept = {key: value for key, value in member.shown.spec.settings.items() if key != "dt"}
+    return ", ".join(f"{key}={f'{v:g}' if isinstance(v, float) else v}" for key, v in kept.items())
 
 
 def _step(entry: Entry) -> Cell:

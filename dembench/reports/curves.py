@@ -8,7 +8,7 @@ import numpy as np
 
 from dembench.reports.entries import Group, Member
 from dembench.reports.figures import Known, Line, Panel, Plot
-from dembench.reports.units import labelled, shown_in
+from dembench.reports.units import labelled, measure, shown_in
 from dembench.results import Observed
 from dembench.scene import Energy, Scene, Trajectory
 
@@ -51,9 +51,7 @@ def _plot(group: Group, name: str, command: str) -> Plot:
         values = [_column(o, column) for _, o in drawn]
         known_values = [c.value for c in curves] if not first.components else []
         scale, unit = shown_in(first.unit, *values, *known_values)
-        lines = tuple(
-            _line(member, o.time * factor, y * scale) for (member, o), y in zip(drawn, values, strict=True)
-        )
+        lines = tuple(_line(member, o.time * factor, y * scale) for (member, o), y in zip(drawn, values, strict=True))
         known = tuple(
             Known(c.label, c.time * factor, c.value * scale, _scaled(c.low, scale), _scaled(c.high, scale))
             for c in (curves if not first.components else [])
@@ -109,7 +107,7 @@ def _scaled(values: np.ndarray | None, scale: float) -> np.ndarray | None:
 def _caption(drawn: Iterable[tuple[Member, Observed]], sources: list[str], shortened: bool) -> str:
     parts = []
     ended = [
-        f"{m.label} ({m.shown.state}) at {m.shown.reached:.4g} s" for m, _ in drawn if not m.shown.complete
+        f"{m.label} ({m.shown.state}) at {measure(m.shown.reached, 's')}" for m, _ in drawn if not m.shown.complete
     ]
     repeated = [m.label for m, _ in drawn if len(m.entries) > 1]
     if ended:
@@ -118,5 +116,5 @@ def _caption(drawn: Iterable[tuple[Member, Observed]], sources: list[str], short
         parts.append(f"One of several repeats is drawn for {', '.join(repeated)}.")
     if shortened:
         parts.append("Further components are in the result files.")
-    parts += [f"{source}." for source in sources]
+    parts += [f"{source[:1].upper()}{source[1:]}." for source in sources]
     return " ".join(parts)

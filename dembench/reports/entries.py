@@ -157,7 +157,8 @@ class Member:
     @property
     def loops(self) -> list[float]:
         """Loop times of the complete repeats [s]."""
-        return [e.loop for e in self.entries if e.loop is not None and e.complete and e.state in (*RANKED, "inaccurate")]
+        ended = [e for e in self.entries if e.complete and e.state in (*RANKED, "inaccurate")]
+        return [e.loop for e in ended if e.loop is not None]
 
     @property
     def loop(self) -> float | None:
@@ -196,7 +197,7 @@ class Group:
 def gather(records: Iterable[RunRecord]) -> list[Group]:
     """Runs by problem and division: same case, preset, division and scene; seeds of one case are kept together."""
     entries = sorted((Entry(record) for record in records), key=_problem)
-    groups = []
+    groups: list[Group] = []
     for _, same in groupby(entries, key=_problem):
         for parted in _by_scene(list(same)):
             groups.append(_group(f"scene{len(groups) + 1}", parted))
@@ -231,7 +232,8 @@ def _group(name: str, entries: list[Entry]) -> Group:
 
 
 def _order(entry: Entry) -> tuple[Any, ...]:
-    return (entry.spec.engine, bool(entry.spec.overrides), entry.spec.label(), entry.spec.seed, entry.spec.repeat, entry.name)
+    spec = entry.spec
+    return (spec.engine, bool(spec.overrides), spec.label(), spec.seed, spec.repeat, entry.name)
 
 
 def _sample(entry: Entry) -> tuple[Any, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from dembench.reports.comparisons import RANKED, run_cell, state_cell, verdict_text
-from dembench.reports.entries import Entry, Group, Member
+from dembench.reports.comparisons import run_cell, state_cell, verdict_text
+from dembench.reports.entries import RANKED, Entry, Group, Member
 from dembench.reports.tables import Cell, Column, Table, grouped, numbers, significant
-from dembench.reports.units import shown_in
+from dembench.reports.units import measure
 from dembench.scene import Scene, features
 
 Facts = list[tuple[str, str]]
@@ -29,12 +28,6 @@ class Failure:
     message: str
     facts: Facts
     log: str
-
-
-def measure(value: float, unit: str, digits: int = 4) -> str:
-    """A value with its unit, in the multiple that reads easily."""
-    factor, written = shown_in(unit, value)
-    return f"{significant(value * factor, digits)} {written}".strip()
 
 
 # ---- the scene
@@ -73,21 +66,35 @@ def _contents(scene: Scene) -> Facts:
     return [
         ("Contact law", law),
         ("Species", "; ".join(_species(scene))),
-        ("Materials", "; ".join(
-            f"{m.name}: {significant(m.density)} kg/m³, Young {significant(m.young / 1e9)} GPa, Poisson {significant(m.poisson)}"
-            for m in scene.materials)),
-        ("Pairs", "; ".join(
-            f"{p.a}\u2013{p.b}: restitution {significant(p.restitution)}, friction {significant(p.friction)}"
-            + (f", rolling friction {significant(p.rolling_friction)}" if p.rolling_friction else "")
-            for p in scene.pair_laws)),
+        (
+            "Materials",
+            "; ".join(
+                f"{m.name}: {significant(m.density)} kg/m³, Young {significant(m.young / 1e9)} GPa, "
+                f"Poisson {significant(m.poisson)}"
+                for m in scene.materials
+            ),
+        ),
+        (
+            "Pairs",
+            "; ".join(
+                f"{p.a}\u2013{p.b}: restitution {significant(p.restitution)}, friction {significant(p.friction)}"
+                + (f", rolling friction {significant(p.rolling_friction)}" if p.rolling_friction else "")
+                for p in scene.pair_laws
+            ),
+        ),
         ("Walls", "; ".join(walls) or "none"),
         ("Gravity", f"({', '.join(significant(g) for g in scene.gravity)}) m/s²"),
-        ("Recorded", "; ".join(
-            f"{o.name} ({o.kind}" + (f", every {measure(o.interval, 's')})" if hasattr(o, "interval") else ")")
-            for o in scene.observables) or "nothing"),
+        (
+            "Recorded",
+            "; ".join(
+                f"{o.name} ({o.kind}" + (f", every {measure(o.interval, 's')})" if hasattr(o, "interval") else ")")
+                for o in scene.observables
+            )
+            or "nothing",
+        ),
         ("Features present", _words(present.names())),
         ("Left out", f"{_words(absent)}; nothing is computed, allocated or written for them"),
-    ]  # fmt: skip
+    ]
 
 
 def _species(scene: Scene) -> Iterable[str]:
@@ -111,20 +118,34 @@ def _words(names: Iterable[str]) -> str:
 def all_runs(groups: Sequence[Group]) -> Table:
     """Every run directory with its state: none is left out."""
     columns = (
-        Column("Run directory", kind="wrap"), Column("State"), Column("Engine", kind="long"), Column("Division"),
-        Column("Seed", kind="number"), Column("Repeat", kind="number"), Column("Simulated", "% of its time", "number"),
-        Column("Wall time", "s", "number"), Column("Started", kind="line"),
-    )  # fmt: skip
+        Column("Run directory", kind="wrap"),
+        Column("State"),
+        Column("Engine", kind="long"),
+        Column("Division"),
+        Column("Seed", kind="number"),
+        Column("Repeat", kind="number"),
+        Column("Simulated", "% of its time", "number"),
+        Column("Wall time", "s", "number"),
+        Column("Started", kind="line"),
+    )
     listed = [(member, entry) for group in groups for member in group.members for entry in member.entries]
-    share = numbers([100 * e.reached / e.spec.duration if e.spec.duration else None for _, e in listed], digits=2, most=1)
+    shares = [100 * e.reached / e.spec.duration if e.spec.duration else None for _, e in listed]
+    share = numbers(shares, digits=2, most=1)
     walls = numbers([e.status.wall for _, e in listed])
     rows = tuple(
         (
-            Cell(e.name), state_cell(e.state), run_cell(m), Cell(e.spec.division), Cell(str(e.spec.seed), e.spec.seed),
-            Cell(str(e.spec.repeat), e.spec.repeat), share[k], walls[k], Cell(e.status.started.replace("T", " ")),
+            Cell(e.name),
+            state_cell(e.state),
+            run_cell(m),
+            Cell(e.spec.division),
+            Cell(str(e.spec.seed), e.spec.seed),
+            Cell(str(e.spec.repeat), e.spec.repeat),
+            share[k],
+            walls[k],
+            Cell(e.status.started[:16].replace("T", " "), e.status.started),
         )
         for k, (m, e) in enumerate(listed)
-    )  # fmt: skip
+    )
     return Table("all-runs", "All runs", columns, rows)
 
 
@@ -141,16 +162,24 @@ def engines(groups: Sequence[Group]) -> Table:
             for entry in member.entries:
                 found.setdefault((entry.spec.engine, entry.spec.engine_version), (member, entry))
     columns = (
-        Column("Engine", kind="long"), Column("What it is", kind="wrap"), Column("Version", kind="long"),
-        Column("Program", kind="long"), Column("Build", kind="wrap"),
-    )  # fmt: skip
+        Column("Engine", kind="long"),
+        Column("What it is", kind="wrap"),
+        Column("Version", kind="long"),
+        Column("Program", kind="long"),
+        Column("Build", kind="wrap"),
+    )
     rows = []
     for (name, version), (member, entry) in sorted(found.items()):
         probe = entry.record.environment.get("engine", {})
         facts = "; ".join(f"{key}: {value}" for key, value in probe.get("facts", {}).items())
-        swatch = run_cell(member)
         rows.append(
-            (Cell(name, colour=swatch.colour), Cell(entry.look.title), Cell(version), Cell(probe.get("path") or ""), Cell(facts))
+            (
+                Cell(name, colour=run_cell(member).colour),
+                Cell(entry.look.title),
+                Cell(version),
+                Cell(probe.get("path") or ""),
+                Cell(facts),
+            )
         )
     return Table("engines-found", "Engines", columns, tuple(rows))
 
@@ -175,10 +204,19 @@ def settings(groups: Sequence[Group], titles: Sequence[str]) -> list[Table]:
 # ---- machines
 
 _NAMES = {
-    "cpu": "Processor", "cores": "Cores available", "cores_machine": "Cores of the machine", "memory": "Memory", "gpu": "GPU",
-    "frequency_policy": "Frequency policy", "system": "System", "kernel": "Kernel", "python": "Python",
-    "dembench": "dembench", "commit": "Commit", "packages": "Python packages",
-}  # fmt: skip
+    "cpu": "Processor",
+    "cores": "Cores available",
+    "cores_machine": "Cores of the machine",
+    "memory": "Memory",
+    "gpu": "GPU",
+    "frequency_policy": "Frequency policy",
+    "system": "System",
+    "kernel": "Kernel",
+    "python": "Python",
+    "dembench": "dembench",
+    "commit": "Commit",
+    "packages": "Python packages",
+}
 _PER_RUN = ("pinned_to", "load", "busy_before", "engine")
 
 
@@ -204,22 +242,33 @@ def load(groups: Sequence[Group]) -> Table | None:
         return None
     environment = [e.record.environment for _, e in listed]
     columns = (
-        Column("Run directory", kind="wrap"), Column("Engine", kind="long"), Column("Pinned to cores"),
+        Column("Run directory", kind="wrap"),
+        Column("Engine", kind="long"),
+        Column("Pinned to cores"),
         Column("Load at start", kind="number", note="load average of one minute"),
-        Column("Cores busy before", "%", "number"), Column("CPU time", "s", "number"),
-        Column("Waited for a core", "s", "number"), Column("Contended"),
-    )  # fmt: skip
+        Column("Cores busy before", "%", "number"),
+        Column("CPU time", "s", "number"),
+        Column("Waited for a core", "s", "number"),
+        Column("Contended"),
+    )
     loads = numbers([v.get("load") for v in environment], digits=2, most=2)
-    busy = numbers([None if v.get("busy_before") is None else 100 * v["busy_before"] for v in environment], digits=1, most=1)
+    shares = [v.get("busy_before") for v in environment]
+    busy = numbers([None if share is None else 100 * share for share in shares], digits=1, most=1)
     cpu = numbers([e.resources.get("cpu") for _, e in listed])
     waited = numbers([e.resources.get("waited") for _, e in listed], digits=2, most=2)
     rows = tuple(
         (
-            Cell(e.name), run_cell(m), Cell(", ".join(map(str, environment[k].get("pinned_to", [])))), loads[k], busy[k],
-            cpu[k], waited[k], Cell("yes", mark="mark") if e.status.contended else Cell("no"),
+            Cell(e.name),
+            run_cell(m),
+            Cell(", ".join(map(str, environment[k].get("pinned_to", [])))),
+            loads[k],
+            busy[k],
+            cpu[k],
+            waited[k],
+            Cell("yes", mark="mark") if e.status.contended else Cell("no"),
         )
         for k, (m, e) in enumerate(listed)
-    )  # fmt: skip
+    )
     return Table("load", "Cores and load", columns, rows)
 
 
@@ -238,8 +287,8 @@ def _plain(key: str, value: Any) -> str:
 
 def failures(groups: Sequence[Group]) -> list[Failure]:
     """Every run that is not ok, with its log."""
-    listed = [(g, m, e) for g, m in itertools.chain(*(zip(itertools.repeat(g), g.members) for g in groups)) for e in m.entries]
-    return [_failure(m, e) for _, m, e in listed if e.state not in (*RANKED, "running")]
+    listed = [(member, entry) for group in groups for member in group.members for entry in member.entries]
+    return [_failure(member, entry) for member, entry in listed if entry.state not in (*RANKED, "running")]
 
 
 def _failure(member: Member, entry: Entry) -> Failure:
@@ -257,4 +306,5 @@ def _failure(member: Member, entry: Entry) -> Failure:
         ("To get the engine", status.install),
     ]
     facts = [(name, text) for name, text in listed if text]
-    return Failure(entry.name, f"{member.label}, {problem_name(entry)}", entry.state, verdict_text(alone), facts, status.log_tail)
+    run = f"{member.label}, {problem_name(entry)}"
+    return Failure(entry.name, run, entry.state, verdict_text(alone), facts, status.log_tail)

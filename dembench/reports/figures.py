@@ -20,17 +20,17 @@ from dembench.reports.svg import GRID, INK, MUTED, SURFACE, themed
 
 WIDE, NARROW = 7.0, 3.5
 """Widths [in]: two columns and one column of a journal page."""
-DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.5)), (0, (6, 2, 1.2, 2)), (0, (3, 1.2)), (0, (8, 2, 1, 2, 1, 2)))
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.5)), (0, (6, 2, 1.2, 2)), (0, (3, 1.2)), (0, (8, 2, 1, 2)))
 MARKERS = (None, "o", "s", "^", "D", "v", "P")
 LOG_RANGE = 300.0
 """A panel whose positive values span more than this ratio gets a logarithmic axis."""
-WIDEST, THINNEST = 2.6, 1.2
+WIDEST, THINNEST = 3.2, 1.0
 """Widths of the first and the last line of a panel [pt]: where lines coincide, all of them stay visible."""
 FEW_POINTS = 12
 _ROUND_STEPS = (1, 2, 2.5, 5, 10)
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-_STYLE = {
+_STYLE: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "dembench",
     "pdf.fonttype": 42,
@@ -147,20 +147,21 @@ class Drawing:
 def draw(plot: Plot) -> Drawing:
     """Draws a figure in two widths."""
     with matplotlib.rc_context(_STYLE):
-        wide_svg, wide_axes, pdf = _drawn(plot, WIDE)
-        narrow_svg, narrow_axes, _ = _drawn(plot, NARROW)
-    wide, first = themed(wide_svg, f"{plot.name}-w", plot.title)
-    narrow, second = themed(narrow_svg, f"{plot.name}-n", plot.title)
+        wide_figure, wide_axes = _drawn(plot, WIDE)
+        narrow_figure, narrow_axes = _drawn(plot, NARROW)
+        wide, first = themed(_svg(wide_figure), f"{plot.name}-w", plot.title)
+        narrow, second = themed(_svg(narrow_figure), f"{plot.name}-n", plot.title)
+        pdf = _pdf(wide_figure, plot.title)
     data = {
         "name": plot.name,
         "x_label": plot.x_label,
         "axes": {"wide": wide_axes, "narrow": narrow_axes},
         "panels": [_values(panel) for panel in plot.panels],
     }
-    return Drawing(plot, wide, narrow, base64.b64encode(pdf).decode(), data, first | second)
+    return Drawing(plot, wide, narrow, pdf, data, first | second)
 
 
-def _drawn(plot: Plot, width: float) -> tuple[str, list[dict[str, float]], bytes]:
+def _drawn(plot: Plot, width: float) -> tuple[Figure, list[dict[str, float]]]:
     count = len(plot.panels)
     labels = _legend_entries(plot)
     columns = _columns(labels, width)
@@ -174,12 +175,21 @@ def _drawn(plot: Plot, width: float) -> tuple[str, list[dict[str, float]], bytes
     axes[-1].set_xlabel(plot.x_label)
     figure.legend(handles=labels, loc="outside upper left", ncols=columns, handlelength=3.2, columnspacing=1.4)
     figure.align_ylabels(list(axes))
-    figure.canvas.draw()
-    places = [_place(ax) for ax in axes]
-    text, pdf = io.StringIO(), io.BytesIO()
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    return figure, [_place(ax) for ax in axes]
+
+
+def _svg(figure: Figure) -> str:
+    text = io.StringIO()
     figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    figure.savefig(pdf, format="pdf", metadata={"CreationDate": None, "Title": plot.title})
-    return text.getvalue(), places, pdf.getvalue()
+    return text.getvalue()
+
+
+def _pdf(figure: Figure, title: str) -> str:
+    content = io.BytesIO()
+    figure.savefig(content, format="pdf", metadata={"CreationDate": None, "Title": title})
+    return base64.b64encode(content.getvalue()).decode()
 
 
 def _fill(ax: Axes, panel: Panel, width: float) -> None:
@@ -221,9 +231,17 @@ def _draw_known(ax: Axes, known: Known) -> None:
         if known.low is not None and known.high is not None:
             bars = np.abs(np.array([known.y - known.low, known.high - known.y]))
         ax.errorbar(
-            known.x, known.y, yerr=bars, fmt="D", markersize=5, color=INK, markerfacecolor=SURFACE, capsize=3,
-            elinewidth=1.0, zorder=5,
-        )  # fmt: skip
+            known.x,
+            known.y,
+            yerr=bars,
+            fmt="D",
+            markersize=5,
+            color=INK,
+            markerfacecolor=SURFACE,
+            capsize=3,
+            elinewidth=1.0,
+            zorder=5,
+        )
         return
     if known.low is not None and known.high is not None:
         ax.fill_between(known.x, known.low, known.high, color=MUTED, alpha=0.22, linewidth=0)
@@ -240,10 +258,9 @@ def _legend_entries(plot: Plot) -> list[Line2D]:
             )
             cut_short |= line.cut_short
         for known in panel.known:
-            mark = {"marker": "D", "linestyle": "", "markerfacecolor": SURFACE} if len(known.x) <= FEW_POINTS else {}
-            entries.setdefault(
-                known.label, Line2D([], [], color=INK, linewidth=0.9, label=known.label, markersize=5, **mark)
-            )
+            few: dict[str, Any] = {"marker": "D", "linestyle": "", "markerfacecolor": SURFACE, "markersize": 5}
+            mark = few if len(known.x) <= FEW_POINTS else {}
+            entries.setdefault(known.label, Line2D([], [], color=INK, linewidth=0.9, label=known.label, **mark))
     if cut_short:
         entries["ended early"] = Line2D(
             [], [], color=INK, linestyle="", marker="x", markersize=6, markeredgewidth=1.6, label="ended early"
@@ -279,12 +296,21 @@ def _spans_decades(panel: Panel) -> bool:
 def _place(ax: Axes) -> dict[str, float]:
     box = ax.get_position()
     (x0, x1), (y0, y1) = ax.get_xlim(), ax.get_ylim()
-    return {"left": box.x0, "right": box.x1, "top": 1 - box.y1, "bottom": 1 - box.y0, "x0": x0, "x1": x1,
-            "y0": y0, "y1": y1, "log": ax.get_yscale() == "log"}  # fmt: skip
+    return {
+        "left": box.x0,
+        "right": box.x1,
+        "top": 1 - box.y1,
+        "bottom": 1 - box.y0,
+        "x0": x0,
+        "x1": x1,
+        "y0": y0,
+        "y1": y1,
+        "log": ax.get_yscale() == "log",
+    }
 
 
 def _values(panel: Panel) -> dict[str, Any]:
-    lines = [{"label": line.label, "colour": line.colour, "x": numbers(line.x), "y": numbers(line.y)} for line in panel.lines]
+    lines = [{"label": n.label, "colour": n.colour, "x": numbers(n.x), "y": numbers(n.y)} for n in panel.lines]
     known = [
         {"label": k.label, "x": numbers(k.x), "y": numbers(k.y), "low": numbers(k.low), "high": numbers(k.high)}
         for k in panel.known

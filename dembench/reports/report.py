@@ -90,13 +90,12 @@ def _template(environment: Environment, name: str) -> str:
 def _section(group: Group) -> SceneSection:
     entry = group.first
     case = entry.problem[0] if entry.problem else None
-    division = f"{entry.spec.division} division"
     short = f"{facts.problem_name(entry)}, {entry.spec.division}"
     commands = _commands(group)
     found = (comparisons.quantities(group), comparisons.differences(group), comparisons.timings(group))
     return SceneSection(
         name=group.name,
-        title=f"{case.title} ({facts.problem_name(entry)}, {division})" if case else f"{entry.spec.scene_name} ({division})",
+        title=f"{case.title} ({short} division)" if case else f"{short} division",
         short_title=short,
         source=case.source if case else "",
         facts=facts.scene_facts(group),
@@ -135,7 +134,7 @@ def _command(group: Group) -> str:
 def _summary(groups: Sequence[Group]) -> str:
     entries = [entry for group in groups for entry in group.entries]
     counts = Counter(entry.state for entry in entries)
-    states = [f"{counts[s]} {comparisons.STATE_NAMES.get(s, s)}" for s in STATE_ORDER if counts[s]]
+    states = [f"{counts[s]} {'ok (unscored)' if s == 'unscored' else s}" for s in STATE_ORDER if counts[s]]
     engines = {entry.spec.engine for entry in entries}
     days = sorted({entry.status.started[:10] for entry in entries if entry.status.started})
     when = f" Run on {days[0]}." if len(days) == 1 else f" Run from {days[0]} to {days[-1]}." if days else ""

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["number", "text", "wrap", "long", "line"]
+Kind = Literal["number", "number run", "number wide", "text", "wrap", "long", "line"]
 
 
 @dataclass(frozen=True)

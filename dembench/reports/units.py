@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from dembench.reports.tables import significant
+
 _STEPS = ((1.0, ""), (1e3, "m"), (1e6, "µ"), (1e9, "n"))
 _SCALED = ("m", "s", "J")
 _WRITTEN = {"1": "", "m s-1": "m/s", "rad s-1": "rad/s"}
@@ -31,3 +33,9 @@ def shown_in(unit: str, *series: np.ndarray | list[float] | float) -> tuple[floa
 def labelled(title: str, unit: str) -> str:
     """Label of an axis: the title and, in brackets, the unit."""
     return f"{title} [{unit}]" if unit else title
+
+
+def measure(value: float, unit: str, digits: int = 4) -> str:
+    """A value [unit] with so many significant digits, in the multiple of its unit that reads easily."""
+    factor, written = shown_in(unit, value)
+    return f"{significant(value * factor, digits)} {written}".strip()

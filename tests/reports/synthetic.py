@@ -91,10 +91,16 @@ def impact(duration: float = 0.06) -> Scene:
             PairLaw(a="M1", b="steel", restitution=0.4, friction=0.2),
             PairLaw(a="steel", b="steel", restitution=0.6, friction=0.5),
         ),
-        species=(Species(name="grain", material="M1", radius=0.001), Species(name="ball", material="steel", radius=0.01)),
+        species=(
+            Species(name="grain", material="M1", radius=0.001),
+            Species(name="ball", material="steel", radius=0.01),
+        ),
         walls=(
             Box(
-                name="box", material="steel", lower=(-0.049, -0.03, -0.0902431), upper=(0.049, 0.03, 0.107757),
+                name="box",
+                material="steel",
+                lower=(-0.049, -0.03, -0.0902431),
+                upper=(0.049, 0.03, 0.107757),
                 open_faces=("z+",),
             ),
         ),
@@ -111,7 +117,7 @@ def impact(duration: float = 0.06) -> Scene:
             Energy(name="energy", interval=1e-3),
             Overlap(name="overlap", interval=1e-3),
         ),
-    )  # fmt: skip
+    )
 
 
 def path(time: np.ndarray, deepest: float, rebound: float) -> tuple[np.ndarray, np.ndarray]:
@@ -127,6 +133,11 @@ def path(time: np.ndarray, deepest: float, rebound: float) -> tuple[np.ndarray, 
     return depth, velocity
 
 
+def bump(time: np.ndarray, centre: float, width: float) -> np.ndarray:
+    """A bell curve of height 1."""
+    return np.exp(-(((time - centre) / width) ** 2))
+
+
 def series(scene: Scene, deepest: float = -0.1384, rebound: float = 2.4, until: float = 1.0) -> dict[str, Observed]:
     """Observables of a fall, an arrest at `deepest` [m] at 31 ms and a rebound; the first share `until` of them."""
     found = {}
@@ -138,8 +149,8 @@ def series(scene: Scene, deepest: float = -0.1384, rebound: float = 2.4, until: 
             "ball_minimum": depth,
             "ball_position": np.column_stack([0 * time, 0 * time, 0.06 + depth]),
             "ball_velocity": np.column_stack([0 * time, 0 * time, speed]),
-            "energy": np.column_stack([0.0151 * speed**2 + 1e-6, 2e-3 * np.exp(-(((time - 0.03) / 0.01) ** 2)), 0.296 * depth]),
-            "overlap": 4e-6 * np.exp(-(((time - 0.027) / 0.006) ** 2)) + 2e-7,
+            "energy": np.column_stack([0.0151 * speed**2 + 1e-6, 2e-3 * bump(time, 0.030, 0.010), 0.296 * depth]),
+            "overlap": 4e-6 * bump(time, 0.027, 0.006) + 2e-7,
         }
         steps = np.round(time / 5e-7).astype(np.int64)
         found[name] = Observed(steps, time, values[name], channel.unit, channel.components, channel.title)
@@ -165,32 +176,59 @@ def add_run(
 ) -> RunDirectory:
     """Writes the directory of one run; without observables it has no result."""
     spec = RunSpec(
-        case=case, preset=preset, engine=engine, engine_version=version, overrides=overrides or {},
-        settings={"dt": 5e-7, **(settings or {}), **(overrides or {})}, repeat=repeat, scene_digest=scene.digest(),
-        scene_name=scene.name, bodies=len(scene.bodies), duration=scene.duration, precision="float64",
-    )  # fmt: skip
+        case=case,
+        preset=preset,
+        engine=engine,
+        engine_version=version,
+        overrides=overrides or {},
+        settings={"dt": 5e-7, **(settings or {}), **(overrides or {})},
+        repeat=repeat,
+        scene_digest=scene.digest(),
+        scene_name=scene.name,
+        bodies=len(scene.bodies),
+        duration=scene.duration,
+        precision="float64",
+    )
     run = RunDirectory(out / spec.name())
     run.claim(spec)
     environment = {
-        "cpu": "Example CPU 3000", "cores": 2, "memory": 8 * 2**30, "gpu": [], "system": "Example OS 1", "python": "3.11",
-        "packages": {"numpy": "2.0", "h5py": "3.1"}, "dembench": "0.1.0", "commit": "0123456789ab", "pinned_to": [0],
-        "load": 0.3, "busy_before": 0.02,
+        "cpu": "Example CPU 3000",
+        "cores": 2,
+        "memory": 8 * 2**30,
+        "gpu": [],
+        "system": "Example OS 1",
+        "python": "3.11",
+        "packages": {"numpy": "2.0", "h5py": "3.1"},
+        "dembench": "0.1.0",
+        "commit": "0123456789ab",
+        "pinned_to": [0],
+        "load": 0.3,
+        "busy_before": 0.02,
         "engine": {"version": version, "path": f"/usr/bin/{engine}", "facts": {"sha256": "feed" * 16}},
-    }  # fmt: skip
+    }
     ended = Status(
-        state=state, started="2026-11-01T12:00:00+0000", ended="2026-11-01T12:10:00+0000", wall=loop and loop + 3,  # type: ignore[arg-type]
+        state=state,
+        started="2026-11-01T12:00:00+0000",
+        ended="2026-11-01T12:10:00+0000",
+        wall=loop and loop + 3,  # type: ignore[arg-type]
         **status,
-    )  # fmt: skip
+    )
     if observables is not None:
         write(
             Result(
-                scene=scene, engine=engine, division="closed", settings=spec.settings, environment=environment,
+                scene=scene,
+                engine=engine,
+                division="closed",
+                settings=spec.settings,
+                environment=environment,
                 timing={"set_up": 1.0, "compile": None, "loop": loop, "output": 0.5, "source": source},
                 resources={"wall": loop and loop + 2, "cpu": loop, "waited": 0.01, "peak_memory": 123_400_000},
-                status=ended.plain(), provenance={"command": COMMAND}, observables=observables,
+                status=ended.plain(),
+                provenance={"command": COMMAND},
+                observables=observables,
             ),
             run.result,
-        )  # fmt: skip
+        )
     if state not in ("missing", "skipped"):
         run.write_environment(environment)
     run.write_status(ended)
@@ -202,20 +240,69 @@ def every_state(out: Path) -> Path:
     scene = impact()
     add_run(out, scene, "alpha", observables=series(scene, -0.1387), loop=1743.2, settings={"ranks": 1})
     for repeat, loop in enumerate((291.4, 288.0, 301.7), start=1):
-        add_run(out, scene, "beta", observables=series(scene, -0.1383), loop=loop, repeat=repeat, contended=repeat == 3,
-                settings={"threads": 1})  # fmt: skip
-    add_run(out, scene, "beta", observables=series(scene, -0.1416, 0.05), loop=30.25, overrides={"sweeps": "8"}, source="wall")
+        add_run(
+            out,
+            scene,
+            "beta",
+            observables=series(scene, -0.1385),
+            loop=loop,
+            repeat=repeat,
+            contended=repeat == 3,
+            settings={"threads": 1},
+        )
     add_run(
-        out, scene, "gamma", "failed", observables=series(scene, -0.139, until=0.4), loop=88.0, reason="lost particles",
-        detail="12 of 25001 missing at t = 0.0241 s: 1, 5, 9, ...", phase="simulate", exit_code=0, time=0.024, frames=24,
-        frames_expected=61, log_tail="step 48000\nWARNING: 12 atoms lost\n" + HOSTILE,
-    )  # fmt: skip
-    add_run(out, scene, "gamma", "timeout", overrides={"dt": "1e-8"}, reason="time limit",
-            detail="stopped after 600 s", observables=series(scene, until=0.1), loop=600.0, time=0.006)  # fmt: skip
-    add_run(out, scene, "gamma", "interrupted", overrides={"dt": "2e-8"}, reason="supervisor gone", detail="stopped by hand")
-    add_run(out, scene, "gamma", "skipped", overrides={"law": "rigid"}, reason="unsupported", detail="tangential history")
-    add_run(out, scene, "gamma", "missing", overrides={"ranks": "2"}, reason="not installed", detail="no program 'gamma'",
-            install="apt install gamma")  # fmt: skip
+        out,
+        scene,
+        "beta",
+        observables=series(scene, -0.1416, 0.05),
+        loop=30.25,
+        overrides={"sweeps": "8"},
+        source="wall",
+    )
+    add_run(
+        out,
+        scene,
+        "gamma",
+        "failed",
+        observables=series(scene, -0.139, until=0.4),
+        loop=88.0,
+        reason="lost particles",
+        detail="12 of 25001 missing at t = 0.0241 s: 1, 5, 9, ...",
+        phase="simulate",
+        exit_code=0,
+        time=0.024,
+        frames=24,
+        frames_expected=61,
+        log_tail="step 48000\nWARNING: 12 atoms lost\n" + HOSTILE,
+    )
+    add_run(
+        out,
+        scene,
+        "gamma",
+        "timeout",
+        overrides={"dt": "1e-8"},
+        reason="time limit",
+        detail="stopped after 600 s",
+        observables=series(scene, until=0.1),
+        loop=600.0,
+        time=0.006,
+    )
+    add_run(
+        out, scene, "gamma", "interrupted", overrides={"dt": "2e-8"}, reason="supervisor gone", detail="stopped by hand"
+    )
+    add_run(
+        out, scene, "gamma", "skipped", overrides={"law": "rigid"}, reason="unsupported", detail="tangential history"
+    )
+    add_run(
+        out,
+        scene,
+        "gamma",
+        "missing",
+        overrides={"ranks": "2"},
+        reason="not installed",
+        detail="no program 'gamma'",
+        install="apt install gamma",
+    )
     other = impact(0.02).model_copy(update={"name": "my_scene"})
     add_run(out, other, "alpha", case="scene.json", preset=None, observables=series(other), loop=12.5)
     add_run(out, other, "beta", "running", case="scene.json", preset=None, observables=series(other, until=0.3))

@@ -1,0 +1,159 @@
+"""The page says what the runs say: every run, its state, its numbers, its failure; and runs nothing of a stranger's."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reading import Page
+from synthetic import COMMAND, HOSTILE, add_run, impact, series
+
+from dembench.reports.report import render
+from dembench.runs.directory import find_runs
+
+
+@pytest.fixture(scope="module")
+def text(page: Path) -> str:
+    """The page's source."""
+    return page.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def read(text: str) -> Page:
+    """The page, parsed."""
+    return Page(text)
+
+
+def test_every_run_has_a_row_with_its_state(read: Page, runs: Path) -> None:
+    rows = dict(
+        zip(
+            [cell.text.strip() for cell in read.column("all-runs", "Run directory")],
+            [cell.text.strip() for cell in read.column("all-runs", "State")],
+            strict=True,
+        )
+    )
+    records = find_runs(runs)
+    assert set(rows) == {record.name for record in records}
+    for record in records:
+        if record.status.state != "ok":
+            assert rows[record.name] == record.status.state
+    assert {"ok", "ok, unscored", "inaccurate", *(r.status.state for r in records)} == set(rows.values())
+
+
+def test_a_run_outside_its_references_is_inaccurate_and_never_ranked(read: Page) -> None:
+    table = read.table_with("Ratio")
+    state = {c.text.strip(): k for k, c in enumerate(read.column(table, "State"))}
+    assert read.column(table, "Ratio")[state["inaccurate"]].value == ""
+    assert "deepest point of the ball" in read.column(table, "Verdict")[state["inaccurate"]].text
+    engines = [c.text.strip() for c in read.column(table, "Engine")]
+    ratios = {name: cell.value for name, cell in zip(engines, read.column(table, "Ratio"), strict=True)}
+    assert float(ratios["alpha"] or 0) == pytest.approx(1743.2 / 291.4)
+    assert float(ratios["beta"] or 0) == 1
+    assert {ratios[name] for name in ratios if name not in ("alpha", "beta")} == {""}
+
+
+def test_timings_are_those_of_the_results(read: Page) -> None:
+    table = read.table_with("Particle-steps")
+    engines = [c.value for c in read.column(table, "Engine")]
+    beta, swept, failed = engines.index("beta"), engines.index("beta[sweeps=8]"), engines.index("gamma")
+    loop = read.column(table, "Loop time")
+    assert loop[beta].text.split() == ["291.40", "c"] and "288 to 301.7 (3)" in read.column(table, "Spread")[beta].text
+    assert loop[swept].text.split() == ["30.25", "w"]
+    assert loop[failed].text.split() == ["88.00", "p"]
+    rate = 5 * 120_000 / 291.4 / 1e6
+    assert float(read.column(table, "Particle-steps")[beta].value or 0) == pytest.approx(rate)
+    assert float(read.column(table, "Peak memory")[beta].value or 0) == pytest.approx(123.4)
+    assert float(read.column(table, "Core-seconds")[beta].value or 0) == pytest.approx(291.4)
+
+
+def test_quantities_stand_beside_their_references(read: Page) -> None:
+    table = read.table_with("Accepted")
+    titles = [c.text.strip() for c in read.column(table, "Quantity")]
+    row = titles.index("Deepest point of the ball, 1 ms samples")
+    assert float(read.column(table, "alpha")[row].value or 0) == pytest.approx(-138.7)
+    assert "within" in read.column(table, "alpha")[row].classes
+    assert "outside" in read.column(table, "beta[sweeps=8]")[row].classes
+    assert read.column(table, "Unit")[row].text == "mm"
+
+
+def test_figures_have_their_data_their_command_and_their_pdf(read: Page, runs: Path) -> None:
+    assert read.figures
+    for figure in read.figures.values():
+        assert COMMAND in figure.command or "--engines" in figure.command
+        assert f"dembench report {runs.name}" in figure.command
+        assert base64.b64decode(figure.pdf.removeprefix("data:application/pdf;base64,")).startswith(b"%PDF-")
+    shown = next(f for name, f in read.figures.items() if name.endswith("ball-displacement")).data["panels"][0]
+    alpha = next(line for line in shown["lines"] if line["label"] == "alpha")
+    written = series(impact(), -0.1387)["ball_displacement"]
+    np.testing.assert_allclose(alpha["x"], written.time * 1e3, rtol=1e-7)
+    np.testing.assert_allclose(alpha["y"], written.value * 1e3, rtol=1e-7)
+    assert shown["label"] == "Vertical displacement [mm]"
+    assert "free fall" in [known["label"] for known in shown["known"]]
+
+
+def test_failures_come_with_reason_and_log(text: str, read: Page, runs: Path) -> None:
+    whole = "".join(read.text)
+    for record in find_runs(runs):
+        if record.status.state in ("failed", "timeout", "interrupted", "skipped", "missing"):
+            assert f'id="failure-{record.name}"' in text
+            assert record.status.detail in whole
+    assert "WARNING: 12 atoms lost" in whole
+    assert "apt install gamma" in whole
+
+
+def test_a_scene_without_a_case_is_shown_unscored(read: Page) -> None:
+    assert "Ran to its end; there is no reference to compare with." in "".join(read.text)
+    assert "my_scene" in "".join(read.text)
+
+
+def test_what_strangers_wrote_is_text(read: Page, text: str) -> None:
+    assert HOSTILE.replace("\x1b", "") in "".join(read.text).replace("\x1b", "")
+    assert "<script>alert" not in text and "<img" not in text
+
+
+def test_strange_names_stay_text_in_tables_figures_and_data(stand_ins: None, tmp_path: Path) -> None:
+    scene = impact(0.02)
+    name = '</script><svg onload=alert(1)>"$x$'
+    add_run(tmp_path, scene, name, case="<b>scene</b>.json", preset=None, observables=series(scene), loop=1.0)
+    add_run(tmp_path, scene, name, case="<b>scene</b>.json", preset=None, overrides={"<i>": "'\"><u>"})
+    read = Page(render(find_runs(tmp_path), tmp_path / "report.html", title="<h1>&").read_text(encoding="utf-8"))
+    assert not {"b", "i", "u"} & {tag for tag, _ in read.tags}
+    assert not [key for _, attributes in read.tags for key in attributes if key.startswith("on")]
+    figure = next(iter(read.figures.values()))
+    assert figure.data["panels"][0]["lines"][0]["label"] == name
+    assert name in figure.texts
+
+
+def test_the_page_asks_nobody_for_anything(read: Page, text: str) -> None:
+    policy = next(a["content"] or "" for tag, a in read.tags if tag == "meta" and "http-equiv" in a)
+    script = re.search(r"<script>(.*?)</script>", text, re.DOTALL)
+    assert script is not None
+    digest = base64.b64encode(hashlib.sha256(script[1].encode()).digest()).decode()
+    assert policy.startswith("default-src 'none';") and f"script-src 'sha256-{digest}'" in policy
+    links = [a[key] or "" for _, a in read.tags for key in ("href", "src", "xlink:href") if key in a]
+    assert links and all(link.startswith(("#", "data:")) for link in links)
+    assert not re.search(r"url\((?!#)|@import", text)
+
+
+def test_ids_are_unique(read: Page) -> None:
+    twice = {name for name in read.ids if read.ids.count(name) > 1}
+    assert not twice
+
+
+def test_same_runs_give_the_same_page(stand_ins: None, tmp_path: Path) -> None:
+    scene = impact(0.02)
+    add_run(tmp_path, scene, "alpha", observables=series(scene), loop=1.0)
+    first, second = (render(find_runs(tmp_path), tmp_path / name).read_bytes() for name in ("a.html", "b.html"))
+    assert first == second
+
+
+def test_no_runs_is_a_page_too(tmp_path: Path) -> None:
+    assert "No runs were given." in render([], tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_page_of_this_size_stays_small(page: Path) -> None:
+    assert page.stat().st_size < 3e6
