@@ -164,11 +164,14 @@ def carry_out(
     scheduler = Scheduler(jobs, available_cores(), at_once, judge=judge, checkpoint=checkpoint, command=command_line())
     with _signals() as asked_to_end:
         scheduler.start()
-        while not scheduler.wait(REFRESH):
-            if asked_to_end():
-                scheduler.interrupt()
+        try:
+            while not scheduler.wait(REFRESH):
+                if asked_to_end():
+                    scheduler.interrupt()
+                show(scheduler.jobs)
             show(scheduler.jobs)
-        show(scheduler.jobs)
+        finally:
+            scheduler.interrupt()  # also where showing failed: no engine outlives the command
     return scheduler.jobs
 
 

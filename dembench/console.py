@@ -155,7 +155,7 @@ class Display:
             self._plain(job)
 
     def _plain(self, job: Job) -> None:
-        name, state = job.run.spec.name(), job.progress.state
+        name, state = job.run.spec.name(), _state(job)
         before, when = self._shown.get(name, (None, 0.0))
         if state is None or (state == before and (state != "running" or time.monotonic() < when + PLAIN_INTERVAL)):
             return
@@ -185,7 +185,7 @@ def _jobs_table(jobs: Sequence[Job]) -> Table:
     for column in ("run", "engine", "state", "done", "time", "left", "memory", ""):
         made.add_column(column, no_wrap=column in ("state", "done", "time", "left", "memory"), overflow="fold")
     for job in jobs:
-        progress, state = job.progress, job.progress.state
+        progress, state = job.progress, _state(job)
         running = state == "running"
         elapsed = job.status.wall if job.status and job.status.wall is not None else progress.elapsed
         made.add_row(
@@ -199,6 +199,13 @@ def _jobs_table(jobs: Sequence[Job]) -> Table:
             Text("reused" if job.action == "reuse" else progress.note, style="bright_black"),
         )
     return made
+
+
+def _state(job: Job) -> str | None:
+    """State as shown: a run has ended once its job has a status."""
+    if job.status is not None:
+        return job.status.state
+    return "running" if job.progress.state is not None else None
 
 
 def _left(job: Job) -> str:

@@ -65,7 +65,7 @@ class StandIn(Engine):
                 time=t,
                 step=round(t / settings.dt),
                 track_time=own,
-                track=np.array([_flight(scene, s)["position"][bodies] for s in own]).reshape(-1, len(bodies), 3),
+                track=np.array([_flight(scene, s)["position"][bodies] for s in own]).reshape(len(own), len(bodies), 3),
                 **fields,
             )
         (directory / "deck.txt").write_text("the text of the deck\n")

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from dembench.cli import app
 from dembench.results import read, validate
 from dembench.runs.directory import find_runs
-from dembench.scene import save_scene
+from dembench.scene import Overlap, save_scene
 
 STANDIN = Path(__file__).with_name("standin.py")
 ROOT = Path(__file__).parents[1]
@@ -77,14 +77,28 @@ def test_a_run_that_is_not_ok_is_code_1_and_the_others_finish(command, standin, 
     assert _states() == {engine: state, "standin-coarse": "ok"}
 
 
-def test_the_last_line_is_the_path_of_the_report(command, scene_file):
-    done = command("run", scene_file, "--engines", "standin")
+def test_the_last_line_is_the_path_of_the_report(command, small_scene):
+    save_scene(small_scene(observables=(Overlap(name="overlap", interval=2e-3),)), Path("one.json"))
+    done = command("run", "one.json", "--engines", "standin")
     assert done.exit_code == 0, done.output
     page = Path(done.stdout.splitlines()[-1])
     assert page == Path("runs/report.html")
     assert "standin" in page.read_text()
+
+
+def test_report_covers_the_runs_of_a_directory(command, scene_file, monkeypatch):
+    _run(command, scene_file, "--engines", "standin,standin-absent")
+    seen = []
+    monkeypatch.setattr("dembench.reports.report.render", lambda runs, output: seen.extend(runs) or output)
     assert command("report", "runs", "-o", "other.html").stdout.strip() == "other.html"
-    assert Path("other.html").stat().st_size > 1000
+    assert {record.spec.engine for record in seen} == {"standin", "standin-absent"}
+
+
+def test_a_report_that_cannot_be_written_loses_no_run(command, scene_file, monkeypatch):
+    monkeypatch.setattr("dembench.reports.report.render", lambda runs, output: 1 / 0)
+    done = command("run", scene_file, "--engines", "standin")
+    assert done.exit_code == 1 and "ZeroDivisionError" in done.stderr
+    assert _states() == {"standin": "ok"}
 
 
 USAGE = {

@@ -146,7 +146,8 @@ def plan(
         timeout: Time limit of each run [s].
 
     Raises:
-        RequestError: A run needs more cores than there are, or the scene records what cannot be computed.
+        RequestError: A run needs more cores than there are, the scene records what cannot be computed, or a run is
+            asked for twice.
         SettingsError: A setting is not known or not accepted.
     """
     probes = {choice.engine: registry.engine(choice.engine).probe() for choice in engines}
@@ -158,6 +159,9 @@ def plan(
         for repeat in range(1, repeats + 1):
             for choice in engines:
                 runs.append(_planned(chosen, digest, choice, probes[choice.engine], out, division, repeat, timeout))
+    names = [run.spec.name() for run in runs]
+    if twice := [run.spec for run in runs if names.count(run.spec.name()) > 1]:
+        raise RequestError(f"{twice[0].case} with {twice[0].label()} is asked for more than once; use --repeat")
     return runs
 
 

@@ -71,7 +71,7 @@ class Scheduler:
             return not self._running and not self._waiting
 
     def interrupt(self) -> None:
-        """Ends the runs that go on and starts no other; safe in a signal handler."""
+        """Ends the runs that go on and starts no other."""
         self.stop.set()
 
     def _start_next(self) -> None:

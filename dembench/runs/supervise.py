@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import time
 import traceback
@@ -226,7 +227,11 @@ class Supervisor:
             return
         verdict = Verdict()
         if self._judge is not None:
-            verdict = self._judge(self._run, self._result())
+            try:
+                verdict = self._judge(self._run, self._result())
+            except Exception as error:
+                (self._run.directory.log / "score.err").write_text(traceback.format_exc())
+                verdict = Verdict(detail=f"could not be scored: {type(error).__name__}: {error}")
         self._set(state=verdict.state, scored=verdict.scored, detail=verdict.detail)
 
     # ---- records
@@ -297,4 +302,4 @@ class Supervisor:
 
 def command_line() -> str:
     """The command as typed, for the record."""
-    return " ".join(["dembench", *sys.argv[1:]])
+    return shlex.join(["dembench", *sys.argv[1:]])

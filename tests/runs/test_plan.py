@@ -103,6 +103,12 @@ def test_an_unknown_setting_names_the_accepted_ones(standin, small_scene, tmp_pa
         _plan(small_scene(), tmp_path, EngineChoice("standin", {"thread": "1"}))
 
 
+def test_a_run_that_is_asked_for_twice_is_refused(standin, small_scene, tmp_path):
+    twice = [SceneChoice("small.json", None, 0, small_scene())] * 2
+    with pytest.raises(RequestError, match="more than once"):
+        plan(twice, [EngineChoice("standin")], tmp_path)
+
+
 def test_what_cannot_be_recorded_is_refused(standin, small_scene, tmp_path):
     scene = small_scene(observables=(WallForce(name="push", wall="box", interval=1e-3),))
     with pytest.raises(RequestError, match="push"):

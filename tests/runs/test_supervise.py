@@ -282,12 +282,17 @@ def test_the_engine_runs_on_its_cores_only(standin, planned):
 
 
 def test_an_error_of_ours_fails_one_run_only(standin, planned, monkeypatch):
-    def broken(self, frames, tracks):
-        raise RuntimeError("our own mistake")
-
     runs = planned("standin", "standin-coarse")
     monkeypatch.setattr("dembench.runs.supervise.write", lambda result, path: 1 / 0)
     jobs = _schedule(runs)
     assert {j.status.reason for j in jobs.values()} == {"supervisor error"}
     assert "ZeroDivisionError" in jobs["standin"].status.detail
     assert all(Path(r.directory.path / "status.json").exists() for r in runs)
+
+
+def test_an_error_of_scoring_loses_no_result(standin, planned):
+    (run,) = planned("standin")
+    status = supervise(run, judge=lambda run, result: Verdict(scored=1 / 0))
+    assert (status.state, status.scored) == ("ok", False)
+    assert "could not be scored: ZeroDivisionError" in status.detail
+    assert only_record(run).result is not None
