@@ -16,7 +16,15 @@ CONTACT_BOUND = 0.35
 
 
 class SolverError(RuntimeError):
-    """The solver cannot go on or cannot start: the message says where and what to change."""
+    """The solver cannot go on or cannot start: the message says where and what to change.
+
+    Attributes:
+        reason: Kind of failure in one word or two.
+    """
+
+    def __init__(self, message: str, reason: str = "engine error"):
+        super().__init__(message)
+        self.reason = reason
 
 
 def check_step(scene: Scene, dt: float, midpoint: bool, allow: bool) -> list[str]:

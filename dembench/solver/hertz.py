@@ -368,11 +368,16 @@ def advance_kernel(o: StepOptions) -> Any:
                     )
                     since_near = zero
                 if wp.static(bigs):
-                    if part == 0 and (since_big > big_skin or since_big < zero):
-                        found = pick_big(b, lists, n, total, big_skin, big_capacity)
-                        near_count[2 * parts] = found
                     if since_big > big_skin or since_big < zero:
+                        if part == 0:
+                            near_count[2 * parts] = pick_big(b, lists, n, total, big_skin, big_capacity)
+                        if wp.static(threads):
+                            barrier(state, parts)
                         since_big = zero
+                        if near_count[2 * parts] > big_capacity:
+                            reason = int(BIG_OVERFLOW)
+                            going = 0
+            if going == 1:
                 overlap = wp.max(
                     overlap,
                     near_pairs(
@@ -414,7 +419,7 @@ def advance_kernel(o: StepOptions) -> Any:
                             big_contacts(
                                 b,
                                 lists,
-                                wp.min(near_count[2 * parts], big_capacity),
+                                near_count[2 * parts],
                                 n,
                                 total,
                                 pair_table,
@@ -424,10 +429,6 @@ def advance_kernel(o: StepOptions) -> Any:
                         )
                 if wp.static(threads):
                     barrier(state, parts)
-                if wp.static(bigs):
-                    if near_count[2 * parts] > big_capacity:
-                        reason = int(BIG_OVERFLOW)
-                        going = 0
                 mid = 0
                 pending = 1
                 done += 1

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from typing import Any
+
 import numpy as np
 import warp as wp
 
@@ -14,9 +17,9 @@ from dembench.solver.state import State
 from dembench.solver.units import scene_units
 from dembench.solver.walls import unsupported_walls, wall_materials
 
-SKIN = 0.15
+SKIN = 0.2
 """Gap up to which pairs are listed, in smallest diameters."""
-NEAR_SKIN = 0.005
+NEAR_SKIN = 0.01
 """Gap up to which listed pairs are tested in every step, in smallest diameters."""
 BIG_SKIN = 0.5
 """Gap up to which bodies are candidates of a large body, in smallest diameters."""
@@ -57,7 +60,10 @@ class Simulation:
         self.state = State(scene, u, precision, threads, SKIN * diameter)
         self._near_skin, self._big_skin = NEAR_SKIN * diameter, BIG_SKIN * diameter
         self._options = step_options(scene, self.state, precision, midpoint)
+        begin = time.perf_counter()
         self._kernel = advance_kernel(self._options)
+        load(self._kernel, *vars(self.state.kernels).values())
+        self.compile_seconds = time.perf_counter() - begin
         n_kinds = int(kinds(scene).max(initial=0)) + 1 if lookup_mode(scene) == "one" else len(scene.species)
         self._pairs, self._pair_columns = pair_table(scene, u, precision), n_kinds
         self._walls, self._wall_columns = wall_table(scene, u, precision), max(1, len(wall_materials(scene)))
@@ -85,12 +91,14 @@ class Simulation:
             if reason == NOT_FINITE:
                 raise SolverError(
                     f"a velocity is not finite at step {self.steps} (t = {self.time:g} s); "
-                    f"the time step {self.dt:g} s may be too large"
+                    f"the time step {self.dt:g} s may be too large",
+                    reason="nan",
                 )
             if reason == REBUILD:
                 self._rebuild()
             elif reason == BIG_OVERFLOW:
-                raise SolverError("more bodies near the large ones than the list holds")
+                self.state.grow_big()
+                self._travel.numpy()[2] = -1.0
             elif reason == DONE and left > 0 and done == 0:
                 raise SolverError(f"no progress at step {self.steps}")
 
@@ -177,12 +185,26 @@ class Simulation:
         """Largest overlap of two bodies met in any step since the start [m]."""
         return self._overlap * self.units.length
 
+    def counters(self) -> dict[str, float]:
+        """Figures about the run: list rebuilds, bytes held, largest overlap of two bodies in any step [m]."""
+        return {
+            "list rebuilds": self.state.rebuilds,
+            "bytes per particle": self.state.memory_bytes() / max(1, self.state.total),
+            "largest overlap in any step [m]": self.largest_overlap(),
+        }
+
     def kinetic_energy(self) -> float:
         """Translational and rotational kinetic energy [J]."""
         mass = self.scene.masses()
         inertia = 0.4 * mass * self.scene.radii() ** 2
         energy = mass @ (self.velocity**2).sum(axis=1) + inertia @ (self.angular_velocity**2).sum(axis=1)
         return 0.5 * float(energy)
+
+
+def load(*kernels: Any) -> None:
+    """Compiles kernels, or loads them from the cache."""
+    for kernel in kernels:
+        kernel.module.load(wp.get_device("cpu"))
 
 
 def unsupported(scene: Scene) -> list[str]:

@@ -1,0 +1,86 @@
+"""peclet-hertz: the in-tree soft-sphere solver as an engine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe, Series
+from dembench.engines.in_tree import probe_solver, read_series, write_deck
+from dembench.scene import Scene
+
+PARTICLE_STEPS_PER_SECOND = 5e6
+"""Throughput of one core on which run-time estimates are based."""
+
+
+class PecletHertzSettings(EngineSettings):
+    """Settings of a peclet-hertz run.
+
+    Attributes:
+        threads: Threads that share a step.
+        arithmetic: Precision of differences, forces and spins; positions and velocities are float64 always.
+        midpoint: Dashpots use the mean velocity of the step, which allows a larger step.
+        allow_unstable: Accept a step beyond the stability guard.
+    """
+
+    threads: Annotated[int, Field(ge=1)] = 1
+    arithmetic: Literal["float32", "float64"] = "float32"
+    midpoint: bool = False
+    allow_unstable: bool = False
+
+    def cores(self) -> int:
+        """See `EngineSettings.cores`."""
+        return self.threads
+
+    def precision(self) -> str:
+        """See `EngineSettings.precision`."""
+        return "float64" if self.arithmetic == "float64" else "float64 positions, float32 forces"
+
+
+class PecletHertz(Engine):
+    """Hertz-Mindlin soft spheres on NVIDIA Warp."""
+
+    name: ClassVar[str] = "peclet-hertz"
+    title: ClassVar[str] = "peclet, soft spheres (Hertz-Mindlin)"
+    colour: ClassVar[str] = "#008300"
+    settings_type: ClassVar[type[EngineSettings]] = PecletHertzSettings
+
+    def probe(self) -> Probe:
+        """See `Engine.probe`."""
+        return probe_solver()
+
+    def unsupported(self, scene: Scene) -> list[str]:
+        """See `Engine.unsupported`."""
+        from dembench.solver.simulation import unsupported
+
+        return unsupported(scene)
+
+    def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
+        """Closed: the scene's step. Open: a quarter Rayleigh step, at most an eighth of the shortest contact."""
+        if division == "closed":
+            return {"dt": scene.closed_step()}
+        from dembench.solver.guard import shortest_contact
+
+        return {"dt": min(0.25 * scene.rayleigh_time(), shortest_contact(scene) / 8), "midpoint": True}
+
+    def write(self, scene: Scene, settings: PecletHertzSettings, directory: Path) -> list[Phase]:
+        """See `Engine.write`."""
+        return write_deck(self.name, scene, settings, directory)
+
+    def read(self, scene: Scene, settings: PecletHertzSettings, directory: Path) -> Series:
+        """See `Engine.read`."""
+        return read_series(scene, settings, directory)
+
+    def estimate(self, scene: Scene, settings: PecletHertzSettings) -> float:
+        """See `Engine.estimate`."""
+        steps = scene.duration / settings.dt
+        return 10 + steps * max(len(scene.bodies), 100) / PARTICLE_STEPS_PER_SECOND / settings.threads
+
+    def simulation(self, scene: Scene, settings: dict[str, Any]) -> Any:
+        """The simulation that the child process steps."""
+        from dembench.solver import Simulation
+
+        s = PecletHertzSettings(**settings)
+        return Simulation(scene, s.dt, s.threads, s.arithmetic, s.midpoint, s.allow_unstable)
