@@ -30,7 +30,7 @@ from dembench.scene import (
 )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def small_scene() -> Callable[..., Scene]:
     """A builder of a scene of three grains and one ball of ten times their radius, falling for 10 ms."""
 

@@ -189,7 +189,10 @@ class Engine(ABC):
 
     @abstractmethod
     def write(self, scene: Scene, settings: Any, directory: Path) -> list[Phase]:
-        """Writes the complete, runnable input into an existing directory and says how to launch it."""
+        """Writes the complete, runnable input into an existing directory and says how to launch it.
+
+        Raw frames belong in the sub-directory `frames`, which is removed after a run that ended well.
+        """
 
     @abstractmethod
     def read(self, scene: Scene, settings: Any, directory: Path) -> Series:

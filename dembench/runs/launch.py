@@ -1,8 +1,10 @@
-"""Guard between the supervisor and an engine: `launch.py SUPERVISOR_PID CORES COMMAND...`.
+"""Guard between the supervisor and an engine: `launch.py SUPERVISOR_PID CORES DESCRIPTOR COMMAND...`.
 
 It pins the engine to its cores, ends as the engine ends, and takes every process that the engine started with it,
-also where the supervisor is killed outright. It is a program of its own, of the standard library alone, so that it
-starts within milliseconds and forks from a single thread.
+also where the supervisor is killed outright. At the end it writes the peak memory of its largest descendant [kB] to the
+descriptor: what the supervisor itself could ask for also counts the memory that the supervisor had when it forked.
+It is a program of its own, of the standard library alone, so that it starts within milliseconds and forks from a single
+thread.
 """
 
 from __future__ import annotations
@@ -24,8 +26,9 @@ GRACE = 2.0
 
 def main(arguments: list[str]) -> None:
     """Runs the command; does not return."""
-    supervisor, cores, command = int(arguments[0]), arguments[1], arguments[2:]
-    signal.signal(signal.SIGTERM, _end)
+    supervisor, cores, report, command = int(arguments[0]), arguments[1], int(arguments[2]), arguments[3:]
+    os.set_inheritable(report, False)
+    signal.signal(signal.SIGTERM, lambda *_: _end(report))
     _prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     _prctl(PR_SET_CHILD_SUBREAPER, 1)
     if os.getppid() != supervisor:
@@ -40,6 +43,7 @@ def main(arguments: list[str]) -> None:
     code = _wait_for(engine)
     _kill_descendants(signal.SIGKILL)
     _reap()
+    _report_memory(report)
     if code < 0:
         if -code != signal.SIGKILL:
             signal.signal(-code, signal.SIG_DFL)
@@ -67,7 +71,12 @@ def _wait_for(engine: int) -> int:
             return os.waitstatus_to_exitcode(status)
 
 
-def _end(*_: object) -> None:
+def _report_memory(report: int) -> None:
+    with contextlib.suppress(BrokenPipeError):
+        os.write(report, str(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss).encode())
+
+
+def _end(report: int) -> None:
     """Asks all descendants to end, then kills those that have not."""
     _kill_descendants(signal.SIGTERM)
     deadline = time.monotonic() + GRACE
@@ -76,6 +85,7 @@ def _end(*_: object) -> None:
         time.sleep(0.02)
     _kill_descendants(signal.SIGKILL)
     _reap()
+    _report_memory(report)
     os._exit(128 + signal.SIGTERM)
 
 

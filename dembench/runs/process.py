@@ -34,7 +34,8 @@ class Usage:
     Attributes:
         wall: Wall time [s].
         cpu: CPU time of all processes, exact at the end [s].
-        peak_memory: Largest sum of the resident memory of all processes, sampled [bytes].
+        peak_memory: Largest resident memory [bytes]: of the sum of all processes, sampled, or of the largest one,
+            exact; the larger of both.
         waited: Time that runnable threads waited for a core [s]; None where the system does not tell.
     """
 
@@ -76,18 +77,27 @@ def run_phase(
         tick: Called again and again meanwhile; may ask for the end.
         usage: Kept up to date meanwhile, exact at the end.
     """
-    command = [sys.executable, "-I", "-S", str(LAUNCHER), str(os.getpid()), ",".join(map(str, cores)), *phase.command]
-    with open(log / f"{phase.name}.out", "ab") as out, open(log / f"{phase.name}.err", "ab") as err:
+    pinned = ",".join(map(str, cores))
+    reading, writing = os.pipe()
+    with (
+        open(log / f"{phase.name}.out", "ab") as out,
+        open(log / f"{phase.name}.err", "ab") as err,
+        open(reading, "rb") as memory,
+    ):
         started = time.monotonic()
-        child = subprocess.Popen(
-            command,
-            cwd=deck,
-            env={**os.environ, **phase.environment},
-            stdin=subprocess.DEVNULL,
-            stdout=out,
-            stderr=err,
-            start_new_session=True,
-        )
+        try:
+            child = subprocess.Popen(
+                [sys.executable, "-I", "-S", str(LAUNCHER), str(os.getpid()), pinned, str(writing), *phase.command],
+                cwd=deck,
+                env={**os.environ, **phase.environment},
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                start_new_session=True,
+                pass_fds=(writing,),
+            )
+        finally:
+            os.close(writing)
         tree = _Tree(child.pid, usage)
         stopped: Stop | None = None
         while (ended := _poll(child.pid)) is None:
@@ -110,9 +120,9 @@ def run_phase(
         status, used = ended
         child.returncode = os.waitstatus_to_exitcode(status)
         tree.kill()
-    usage.wall = time.monotonic() - started
-    usage.cpu = used.ru_utime + used.ru_stime
-    usage.peak_memory = max(usage.peak_memory, used.ru_maxrss * 1024)
+        usage.wall = time.monotonic() - started
+        usage.cpu = used.ru_utime + used.ru_stime
+        usage.peak_memory = max(usage.peak_memory, 1024 * int(memory.read() or 0))
     code, name = _outcome(child.returncode)
     return Ended(code, name, stopped, usage)
 
