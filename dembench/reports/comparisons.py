@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -16,12 +16,17 @@ from dembench.scoring.score import Score
 
 STATE_NAMES = {"unscored": "ok, unscored"}
 MOST_OUTSIDE = 2
+MARKS = {
+    "c": "c: contended, other programs used its cores before or while it ran, so the time is overstated.",
+    "p": "p: partial, the run ended before its simulated time; the time is that of the part.",
+    "w": "w: wall time of the engine's process, since the engine gives no time of its stepping loop.",
+}
 RATIO = Column("Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok")
 
 
 def run_cell(member: Member, detail: str = "") -> Cell:
     """A member's name with the colour of its curves."""
-    return Cell(member.label, colour=variable(member.shown.look.colour), detail=detail)
+    return Cell(member.label, member.label, colour=variable(member.shown.look.colour), detail=detail)
 
 
 def state_cell(state: str) -> Cell:
@@ -41,7 +46,7 @@ def verdicts(group: Group, title: str) -> Table:
         Column("Loop time", "s", "number"),
         RATIO,
     ]
-    cells = [numbers([m.loop for m in group.members]), ratios(group)]
+    cells = [_loops(group, [m.loop for m in group.members]), ratios(group)]
     for name in _leading_quantities(group):
         scores = [_score(member.shown, name) for member in group.members]
         known = next(s.quantity for s in scores if s is not None)
@@ -52,7 +57,7 @@ def verdicts(group: Group, title: str) -> Table:
         (run_cell(m), state_cell(m.state), Cell(verdict_text(m)), *(column[k] for column in cells))
         for k, m in enumerate(group.members)
     ]
-    return Table(f"{group.name}-verdicts", title, tuple(columns), tuple(rows))
+    return Table(f"{group.name}-verdicts", title, tuple(columns), tuple(rows), footnotes=_marks_explained(cells[:1]))
 
 
 def verdict_text(member: Member) -> str:
@@ -188,7 +193,7 @@ def _scored_cell(score: Score | None, factor: float, places: int) -> Cell:
     value = score.quantity.value * factor
     detail = ""
     if score.error:
-        detail = ("+" if score.error > 0 else "") + grouped(score.error * factor, places)
+        detail = ("+" if score.error > 0 else "") + significant(score.error * factor, 2)
     tone = {True: "within", False: "outside", None: ""}[score.within]
     return Cell(grouped(value, places), value, detail=detail, tone=tone)
 
@@ -287,6 +292,9 @@ def timings(group: Group) -> Table:
         (Column("Precision"), [Cell(e.spec.precision) for e in shown]),
         (Column("Device"), [Cell(e.spec.device) for e in shown]),
         (Column("Spread of repeats", "s", "number", "shortest to longest"), [_spread(m) for m in group.members]),
+        (Column("Set-up", "s", "number"), _part(shown, "set_up")),
+        (Column("Compile", "s", "number"), _part(shown, "compile")),
+        (Column("Output", "s", "number"), _part(shown, "output")),
     ]
     rows = tuple(tuple(cells[k] for _, cells in columns) for k in range(len(group.members)))
     return Table(
@@ -295,7 +303,7 @@ def timings(group: Group) -> Table:
         tuple(column for column, _ in columns),
         rows,
         note="Only runs that are ok are compared: accuracy comes before speed.",
-        footnotes=_marks_explained(group, rows),
+        footnotes=(*_measured_by(group), *_marks_explained(rows)),
     )
 
 
@@ -307,16 +315,14 @@ def marks(entries: Sequence[Entry]) -> str:
     return found + ("w" if any(e.timing.get("source") == "wall" for e in timed) else "")
 
 
-def _marks_explained(group: Group, rows: Sequence[Sequence[Cell]]) -> tuple[str, ...]:
+def _marks_explained(rows: Iterable[Sequence[Cell]]) -> tuple[str, ...]:
     used = {letter for row in rows for cell in row for letter in cell.flags}
-    texts = {
-        "c": "c: contended, other programs used its cores before or while it ran, so the time is overstated.",
-        "p": "p: partial, the run ended before its simulated time; the time is that of the part.",
-        "w": "w: wall time of the engine's process, since the engine prints no time of its stepping loop.",
-    }
+    return tuple(text for letter, text in MARKS.items() if letter in used)
+
+
+def _measured_by(group: Group) -> tuple[str, ...]:
     sources = {str(e.timing.get("source", "")) for e in group.entries if e.loop is not None} - {"", "wall"}
-    said = [f"Loop times without the mark w were measured by: {', '.join(sorted(sources))}."] if sources else []
-    return (*said, *(text for letter, text in texts.items() if letter in used))
+    return (f"Loop times without the mark w were measured by: {', '.join(sorted(sources))}.",) if sources else ()
 
 
 def _loops(group: Group, loops: Sequence[float | None]) -> list[Cell]:
@@ -342,6 +348,10 @@ def _settings(member: Member) -> str:
 def _step(entry: Entry) -> Cell:
     dt = entry.spec.settings.get("dt")
     return Cell(significant(float(dt)), float(dt)) if dt is not None else Cell()
+
+
+def _part(entries: Sequence[Entry], name: str) -> list[Cell]:
+    return numbers([e.timing.get(name) for e in entries], digits=2, most=3)
 
 
 def _megabytes(entry: Entry) -> float | None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 
 import numpy as np
 
-from dembench.reports.entries import Group, Member
+from dembench.reports.entries import Group, Member, common_times
 from dembench.reports.figures import Known, Line, Panel, Plot
+from dembench.reports.svg import MUTED
 from dembench.reports.units import labelled, measure, shown_in
 from dembench.results import Observed
 from dembench.scene import Energy, Scene, Trajectory
 
 MOST_PANELS = 6
+MOST_PAIRS = 6
 
 
 def plots(group: Group, command: str) -> list[Plot]:
@@ -24,7 +27,49 @@ def plots(group: Group, command: str) -> list[Plot]:
     for name in _names(group):
         if name not in hidden:
             found.append(_plot(group, name, command))
+        if name in _displacements(group.first.scene) and (apart := _distance_plot(group, name, command)):
+            found.append(apart)
     return found
+
+
+def _displacements(scene: Scene) -> list[str]:
+    return [f"{o.name}_displacement" for o in scene.observables if isinstance(o, Trajectory)]
+
+
+def _distance_plot(group: Group, name: str, command: str) -> Plot | None:
+    """How far each two runs are apart over time; None where there are no two, or too many to draw."""
+    pairs = [
+        (a, b) for a, b in itertools.combinations(group.members, 2) if all(name in m.shown.observables for m in (a, b))
+    ]
+    if not 0 < len(pairs) <= MOST_PAIRS:
+        return None
+    series = []
+    for a, b in pairs:
+        first, second = a.shown.observables[name], b.shown.observables[name]
+        rows, other = common_times(first, second)
+        series.append((first.time[rows], np.abs(first.value[rows] - second.value[other])))
+    factor, time_unit = shown_in("s", *(time for time, _ in series))
+    scale, unit = shown_in("m", *(apart for _, apart in series))
+    lines = tuple(
+        Line(
+            f"{a.label}, {b.label}",
+            time * factor,
+            apart * scale,
+            MUTED if len(pairs) == 1 else b.shown.look.colour,
+            style,
+        )
+        for style, ((a, b), (time, apart)) in enumerate(zip(pairs, series, strict=True))
+    )
+    title = f"Distance between runs: {pairs[0][0].shown.observables[name].title.lower()}"
+    return Plot(
+        name=f"{group.name}-{name}-distance".replace("_", "-"),
+        title=title,
+        caption="Absolute difference of each two runs at the same time. Runs of a chaotic system part in the end; "
+        "how early and how far is what the figure shows.",
+        x_label=labelled("Time", time_unit),
+        panels=(Panel(labelled("Distance", unit), lines),),
+        command=command,
+    )
 
 
 def _names(group: Group) -> list[str]:

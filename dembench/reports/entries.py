@@ -108,6 +108,11 @@ class Entry:
         return self.record.result.resources if self.record.result else {}
 
     @property
+    def counters(self) -> dict[str, float]:
+        """The engine's own figures."""
+        return self.record.result.counters if self.record.result else {}
+
+    @property
     def steps(self) -> int | None:
         """Number of the last step on record; None without a record."""
         return max((int(o.step[-1]) for o in self.observables.values()), default=None)

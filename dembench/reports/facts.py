@@ -201,6 +201,25 @@ def settings(groups: Sequence[Group], titles: Sequence[str]) -> list[Table]:
     return tables
 
 
+def counters(groups: Sequence[Group]) -> Table | None:
+    """What the engines counted themselves; None where none did."""
+    rows = tuple(
+        (run_cell(member), Cell(entry.name), Cell(name.replace("_", " ")), *numbers([value], digits=4))
+        for group in groups
+        for member in group.members
+        for entry in member.entries
+        for name, value in entry.counters.items()
+    )
+    columns = (
+        Column("Engine", kind="long"),
+        Column("Run directory", kind="wrap"),
+        Column("Counter"),
+        Column("Value", kind="number"),
+    )
+    note = "Figures of the engines themselves, for cross-checks; they enter no comparison."
+    return Table("counters", "Engines' own counters", columns, rows, note) if rows else None
+
+
 # ---- machines
 
 _NAMES = {
@@ -230,7 +249,8 @@ def environments(groups: Sequence[Group]) -> list[tuple[str, Facts]]:
     found = []
     for k, (fixed, names) in enumerate(alike.values()):
         title = "Machine and software" if len(alike) == 1 else f"Machine and software {k + 1} of {len(alike)}"
-        facts = [(_NAMES.get(key, key), _plain(key, value)) for key, value in fixed.items()]
+        ordered = sorted(fixed.items(), key=lambda item: isinstance(item[1], dict))
+        facts = [(_NAMES.get(key, key), _plain(key, value)) for key, value in ordered]
         found.append((title, [(key, text) for key, text in facts if text] + [("Runs", ", ".join(names))]))
     return found
 

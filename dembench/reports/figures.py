@@ -24,8 +24,8 @@ DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.5)), (0, (6, 2, 1.2, 2)
 MARKERS = (None, "o", "s", "^", "D", "v", "P")
 LOG_RANGE = 300.0
 """A panel whose positive values span more than this ratio gets a logarithmic axis."""
-WIDEST, THINNEST = 3.2, 1.0
-"""Widths of the first and the last line of a panel [pt]: where lines coincide, all of them stay visible."""
+WIDEST, THINNEST = 3.2, 1.2
+"""Largest and smallest width of a line [pt]: earlier lines are wider, so that all stay visible where they coincide."""
 FEW_POINTS = 12
 _ROUND_STEPS = (1, 2, 2.5, 5, 10)
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -198,7 +198,8 @@ def _fill(ax: Axes, panel: Panel, width: float) -> None:
     logarithmic = _spans_decades(panel)
     for known in panel.known:
         _draw_known(ax, known)
-    widths = np.linspace(WIDEST, THINNEST, len(panel.lines)) if len(panel.lines) > 1 else [1.6]
+    widest = min(WIDEST, THINNEST + 0.7 * (len(panel.lines) - 1))
+    widths = np.linspace(widest, THINNEST, len(panel.lines)) if len(panel.lines) > 1 else [1.6]
     for line, linewidth in zip(panel.lines, widths, strict=True):
         y = np.where(line.y > 0, line.y, np.nan) if logarithmic else line.y
         ax.plot(line.x, y, color=line.colour, linewidth=linewidth, **_pattern(line.style, len(line.x)))
