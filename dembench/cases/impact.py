@@ -13,7 +13,7 @@ import numpy as np
 from dembench.cases import impact_scores
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.share import share
-from dembench.initial.generate import BedPlan, settled_bed
+from dembench.initial.generate import BedPlan, PackingError, settled_bed
 from dembench.initial.progress import Progress
 from dembench.initial.published import CoordinatesError, find_coordinates, read_coordinates
 from dembench.scene import (
@@ -97,9 +97,9 @@ class Impact(Case):
         """See `Case.scene`. The ball is the last body."""
         self.check(parameters, preset, initial)
         if preset == "quick":
-            bed, state = settled_bed(_plan(None), seed, progress), "quick"
+            bed, state = _generated_bed(None, seed, progress), "quick"
         elif initial is None:
-            bed, state = settled_bed(_plan(parameters.bed), seed, progress), f"{parameters.bed}_generated"
+            bed, state = _generated_bed(parameters.bed, seed, progress), f"{parameters.bed}_generated"
         else:
             bed, state = _given_bed(parameters, initial, seed)
         return _scene(f"{self.name}_{state}", bed, preset)
@@ -141,6 +141,13 @@ def _plan(bed: str | None) -> BedPlan:
         height=numbers["height"] if numbers else None,
         bulk_fraction=numbers["fraction"] if numbers else None,
     )
+
+
+def _generated_bed(bed: str | None, seed: int, progress: Progress | None) -> np.ndarray:
+    try:
+        return settled_bed(_plan(bed), seed, progress)
+    except PackingError as error:
+        raise CaseError(f"case3: {error}; another seed may do, or give the published bed as initial state") from None
 
 
 def _given_bed(parameters: ImpactParameters, initial: Path, seed: int) -> tuple[np.ndarray, str]:

@@ -95,12 +95,12 @@ def _overlaps(scene: Scene) -> Iterator[str]:
             k = int(np.argmax(overlap))
             worst, pair = float(overlap[k]), (int(a[k]), int(b[k]))
     if count:
-        a, b = sorted(pair)
-        touching = radius[a] + radius[b]
-        distance = touching - worst * min(radius[a], radius[b])
+        i, j = sorted(pair)
+        touching = radius[i] + radius[j]
+        distance = touching - worst * min(radius[i], radius[j])
         yield (
             f"{count} pairs of particles overlap by more than {LARGEST_OVERLAP:.0%} of the smaller radius; worst are "
-            f"particles {a} and {b} with {worst:.2%}, {distance:.6g} m apart where their radii add to {touching:.6g} m"
+            f"particles {i} and {j} with {worst:.2%}, {distance:.6g} m apart where their radii add to {touching:.6g} m"
         )
 
 
