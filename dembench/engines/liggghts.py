@@ -60,6 +60,7 @@ LOG = "log.liggghts"
 SOFT_YOUNG, HARD_YOUNG = 5e6, 1e9
 LOWEST_RESTITUTION = 0.05
 IDS_PER_LINE = 1000
+SEGMENTS = 100
 LARGE_RATIO = 3.0
 """Ratio of radii above which the neighbour settings for a large ball among small grains are the default."""
 
@@ -79,7 +80,7 @@ class LiggghtsSettings(EngineSettings):
     skin: Positive
     bin_size: Positive | None = None
     sort_size: Positive | None = None
-    segments: Annotated[int, Field(ge=8)] = 100
+    segments: Annotated[int, Field(ge=8)] = SEGMENTS
 
     def cores(self) -> int:
         """See `EngineSettings.cores`."""
@@ -139,7 +140,7 @@ class Liggghts(Engine):
         for wall in scene.walls:
             if wall.motion is not None and motion_of(wall.motion) is None:
                 faults.append(f"motion of wall {wall.name}: either a rotation or a translation")
-        for surface in walls(scene, 8)[1]:
+        for surface in walls(scene, SEGMENTS)[1]:
             low, high = surface.triangles.min(axis=(0, 1)), surface.triangles.max(axis=(0, 1))
             if (low < scene.domain.lower).any() or (high > scene.domain.upper).any():
                 faults.append(f"triangles of {surface.id} reach out of the domain")

@@ -314,6 +314,29 @@ def test_a_turning_drum_carries_the_grains_along(tmp_path: Path) -> None:
     assert last.angular_velocity[0, 1] < 0
 
 
+def test_a_moving_wall_strikes_a_grain(tmp_path: Path) -> None:
+    """A wall at speed u leaves a grain that was at rest with (1 + e) u."""
+    made = scene(
+        walls=({**BOX, "motion": {"velocity": (0.2, 0, 0)}},),
+        bodies={"position": [[-0.0104, 0, 0]]},
+        gravity=(0, 0, 0),
+        duration=0.03,
+    )
+    last = run(installed("liggghts"), made, tmp_path).frames[-1]
+    assert last.velocity[0] == pytest.approx([1.4 * 0.2, 0, 0], abs=1e-4)
+
+
+def test_a_grain_that_crosses_a_periodic_face_comes_in_at_the_other(tmp_path: Path) -> None:
+    made = scene(
+        bodies={"position": [[0.029, 0, 0]], "velocity": [[1, 0, 0]]},
+        domain={"lower": (-0.03,) * 3, "upper": (0.03,) * 3, "periodic": (True, False, False)},
+        gravity=(0, 0, 0),
+    )
+    series = run(installed("liggghts"), made, tmp_path)
+    assert series.failure is None
+    assert series.frames[-1].position[0] == pytest.approx([-0.021, 0, 0], abs=1e-12)
+
+
 def regenerate() -> None:
     """Writes the golden decks."""
     for name, (build, overrides) in CASES.items():
