@@ -52,12 +52,12 @@ class RunDirectory:
         if (owner := self.supervisor()) is not None:
             raise Occupied(f"{self.path} is in use by process {owner}")
         previous = self.path.with_name(f".{self.path.name}.previous")
-        if self.path.exists():
-            shutil.rmtree(previous, ignore_errors=True)
-            os.replace(self.path, previous)
         try:
+            if self.path.exists():
+                shutil.rmtree(previous, ignore_errors=True)
+                os.replace(self.path, previous)
             self.path.mkdir(parents=True)
-        except FileExistsError:
+        except (FileExistsError, FileNotFoundError):
             raise Occupied(f"{self.path} was taken by another process at this moment") from None
         own = psutil.Process()
         self._write("supervisor.json", {"pid": own.pid, "created": own.create_time(), "host": socket.gethostname()})
@@ -109,11 +109,10 @@ class RunDirectory:
         )
 
     def log_tail(self) -> str:
-        """The last lines of the logs that were written last, error output after output."""
+        """The last lines of every log that is not empty, in the order in which they were written."""
         files = sorted((p for p in self.log.glob("*.*") if p.stat().st_size), key=lambda p: p.stat().st_mtime)
-        last = {p.stem for p in files[-1:]}
         parts = []
-        for path in sorted((p for p in files if p.stem in last), key=lambda p: p.suffix == ".err"):
+        for path in files:
             with open(path, "rb") as stream:
                 stream.seek(max(0, path.stat().st_size - _TAIL_BYTES))
                 lines = stream.read().decode(errors="replace").splitlines()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import traceback
 from collections.abc import Callable, Sequence
@@ -116,6 +117,6 @@ class Scheduler:
                 detail=f"{type(error).__name__}: {error}",
                 log_tail=traceback.format_exc(),
             )
-            if directory.path.exists():
+            if directory.supervisor() == os.getpid():
                 directory.write_status(status)
             return status
