@@ -27,7 +27,7 @@ class SolverError(RuntimeError):
         self.reason = reason
 
 
-def check_step(scene: Scene, dt: float, midpoint: bool, allow: bool) -> list[str]:
+def check_step(scene: Scene, dt: float, allow: bool) -> list[str]:
     """Warnings about a step [s] that is beyond a bound.
 
     Raises:

@@ -28,6 +28,21 @@ def kinds(scene: Scene) -> np.ndarray:
     return np.zeros(len(scene.bodies), np.int32) if lookup_mode(scene) == ONE else scene.bodies.species
 
 
+class PairTables:
+    """The tables that kernels take.
+
+    Attributes:
+        pairs, pair_columns: Constants of the pairs of species, and the length of a row.
+        walls, wall_columns: Constants of species against wall materials, and the length of a row.
+    """
+
+    def __init__(self, scene: Scene, units: Units, precision: str):
+        self.pairs = pair_table(scene, units, precision)
+        self.pair_columns = len(_species(scene))
+        self.walls = wall_table(scene, units, precision)
+        self.wall_columns = max(1, len(wall_materials(scene)))
+
+
 def pair_table(scene: Scene, units: Units, precision: str) -> wp.array:
     """Constants of the pairs of species as an array of PairClass, row-major over kinds."""
     table = _species(scene)

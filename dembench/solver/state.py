@@ -27,13 +27,16 @@ class State:
     Attributes:
         n, total: Number of small particles, which are sorted, and of all; the large bodies stand behind them.
         bodies, lists: The Warp records that kernels take.
-        skin: Gap up to which pairs are listed [scene units].
+        diameter: Smallest diameter [scene units].
+        skin: Gap up to which pairs are listed [scene units]; set by the stepper before a rebuild.
     """
 
-    def __init__(self, scene: Scene, units: Units, precision: str, threads: int, skin: float):
-        self.units, self.skin = units, skin
+    def __init__(self, scene: Scene, units: Units, precision: str, threads: int):
+        self.units = units
         self.types = types(precision)
         radii = scene.radii() / units.length
+        self.diameter = 2 * float(radii.min()) if len(radii) else 1.0
+        self.skin = 0.1 * self.diameter
         big = np.flatnonzero(radii > BIG_RATIO * np.median(radii)) if len(radii) else np.empty(0, int)
         if len(big) > BIG_LIMIT:
             big = np.empty(0, int)

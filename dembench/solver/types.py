@@ -13,7 +13,6 @@ from typing import Any
 
 import warp as wp
 
-
 vec8d = wp.types.vector(8, wp.float64)
 
 

@@ -1,0 +1,69 @@
+"""The position pass: overlaps that are left after the drift are pushed apart, without momentum."""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.impulse.rows import ImpulseOptions, row_types
+from dembench.solver.types import types, vec8d
+from dembench.solver.walls import wall_distance
+
+
+@cache
+def position_sweep(o: ImpulseOptions) -> Any:
+    """A Warp function (bodies, rows, count, ..., reverse) that visits every row once and returns the largest overlap."""
+    t = types(o.precision)
+    real, Bodies, Wall, Lists = t.real, t.Bodies, t.Wall, t.Lists
+    Rows = row_types(o.precision)
+    distance_of = wall_distance(o.precision, o.curved)
+    walls = o.walls
+
+    @wp.func
+    def shifted(k: vec8d, d: wp.vec3d):
+        return vec8d(k[0] + d[0], k[1] + d[1], k[2] + d[2], k[3], k[4], k[5], k[6], k[7])
+
+    @wp.func
+    def sweep(
+        b: Bodies,
+        lists: Lists,
+        rows: Rows,
+        count: int,
+        features: wp.array(dtype=Wall),
+        total: int,
+        slop: wp.float64,
+        reverse: int,
+    ):
+        zero = wp.float64(0.0)
+        largest = wp.float64(0.0)
+        for q in range(count):
+            r = q
+            if reverse == 1:
+                r = count - 1 - q
+            i, j = rows.i[r], rows.j[r]
+            ki = b.kin[i]
+            xi = wp.vec3d(ki[0], ki[1], ki[2])
+            mi = wp.float64(b.inv_m[i])
+            if j < total:
+                kj = b.kin[j]
+                d = xi - wp.vec3d(kj[0], kj[1], kj[2])
+                reach = ki[6] + kj[6]
+                r2 = wp.dot(d, d)
+                if r2 < reach * reach and r2 > zero:
+                    length = wp.sqrt(r2)
+                    overlap = reach - length
+                    mj = wp.float64(b.inv_m[j])
+                    largest = wp.max(largest, overlap)
+                    if overlap > slop and mi + mj > zero:
+                        push = d * (overlap / (length * (mi + mj)))
+                        b.kin[i] = shifted(ki, mi * push)
+                        b.kin[j] = shifted(kj, -mj * push)
+            elif wp.static(walls):
+                distance, normal = distance_of(features[lists.wall_f[j - total]], xi)
+                overlap = ki[6] - distance
+                largest = wp.max(largest, overlap)
+                if overlap > slop and mi > zero:
+                    b.kin[i] = shifted(ki, normal * overlap)
+        return largest
+
+    return sweep

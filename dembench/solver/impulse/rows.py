@@ -1,0 +1,238 @@
+"""Rows: the contacts that a step may need, one per pair and wall feature, chosen at the start of the step.
+
+A row is kept for every pair whose gap can close within the step. Normals and gaps are those at the start of the step; a
+positive gap enters as v' >= -gap/dt. A pair that meets faster than the event speed rebounds with its restitution instead
+(Newton's law); slower contacts rest.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.pairs import ONE, pair_lookup
+from dembench.solver.types import types
+from dembench.solver.walls import wall_distance
+
+
+@dataclass(frozen=True)
+class ImpulseOptions:
+    """What of the impulse step is compiled in.
+
+    Attributes:
+        precision: "float32" or "float64".
+        friction: Tangential impulses and spins.
+        pairs: How pair constants are looked up.
+        walls, curved, moving, bigs: Whether there are walls, mantles, wall motions and large bodies.
+    """
+
+    precision: str = "float32"
+    friction: bool = True
+    pairs: str = ONE
+    walls: bool = False
+    curved: bool = False
+    moving: bool = False
+    bigs: bool = False
+
+
+@cache
+def row_types(precision: str) -> Any:
+    """The record Rows: i, j indices into u; slot: where the impulses are remembered; a: normal, target, normal and
+    tangential effective mass, friction, radius of i; b: radius of j, normal impulse, tangential impulse (4-6); u: velocity
+    (0-2), inverse mass, angular velocity (4-6), inverse inertia of bodies and, behind them, of the walls in contact; x:
+    positions at the start of the step."""
+    t = types(precision)
+    vec8 = t.vec8
+
+    class Rows:
+        i: wp.array(dtype=wp.int32)
+        j: wp.array(dtype=wp.int32)
+        slot: wp.array(dtype=wp.int32)
+        a: wp.array(dtype=vec8)
+        b: wp.array(dtype=vec8)
+        u: wp.array(dtype=vec8)
+        x: wp.array(dtype=wp.vec3d)
+
+    Rows.__qualname__ = Rows.__name__ = f"Rows_{precision}"
+    return wp.struct(Rows)
+
+
+@cache
+def row_functions(o: ImpulseOptions) -> Any:
+    """Warp functions (pair_rows, big_rows, wall_rows) that append rows and return their number, also beyond the capacity."""
+    t = types(o.precision)
+    real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
+    Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
+    Rows = row_types(o.precision)
+    of_pair, of_wall = pair_lookup(o.precision, o.pairs)
+    distance_of = wall_distance(o.precision, o.curved)
+    friction, moving = o.friction, o.moving
+
+    @wp.func
+    def put(
+        rows: Rows,
+        at: int,
+        i: int,
+        j: int,
+        slot: int,
+        n: vec3,
+        gap: real,
+        ri: real,
+        rj: real,
+        c: PairClass,
+        memory: vec4,
+        dt: real,
+        event: real,
+    ):
+        """Writes a row and applies the impulses of the last step."""
+        ui, uj = rows.u[i], rows.u[j]
+        vn = n[0] * (ui[0] - uj[0]) + n[1] * (ui[1] - uj[1]) + n[2] * (ui[2] - uj[2])
+        target = wp.min(-gap / dt, real(0.0))
+        if vn < -event and gap + vn * dt < real(0.0):
+            target = -c.e * vn
+        mass = real(1.0) / (ui[3] + uj[3])
+        turning = real(1.0) / (ui[3] + uj[3] + ri * ri * ui[7] + rj * rj * uj[7])
+        rows.i[at] = i
+        rows.j[at] = j
+        rows.slot[at] = slot
+        rows.a[at] = vec8(n[0], n[1], n[2], target, mass, turning, c.mu, ri)
+        lt = vec3()
+        if wp.static(friction):
+            m = vec3(memory[0], memory[1], memory[2])
+            lt = m - wp.dot(m, n) * n
+        rows.b[at] = vec8(rj, memory[3], real(0.0), real(0.0), lt[0], lt[1], lt[2], real(0.0))
+
+    @wp.func
+    def add_pair(
+        b: Bodies,
+        rows: Rows,
+        found: int,
+        capacity: int,
+        i: int,
+        j: int,
+        slot: int,
+        c: PairClass,
+        memory: vec4,
+        dt: real,
+        event: real,
+        margin: real,
+    ):
+        count = found
+        ki, kj = b.kin[i], b.kin[j]
+        d = ki - kj
+        reach = ki[6] + kj[6]
+        inside = reach * reach - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        e = vec3(real(d[0]), real(d[1]), real(d[2]))
+        r = wp.length(e)
+        gap = -real(inside) / (real(reach) + r)
+        n = vec3(real(1.0), real(0.0), real(0.0))
+        if r > real(0.0):
+            n = e * (real(1.0) / r)
+        vn = n[0] * real(d[3]) + n[1] * real(d[4]) + n[2] * real(d[5])
+        if gap + wp.min(vn, real(0.0)) * dt < margin:
+            if count < capacity:
+                put(rows, count, i, j, slot, n, gap, real(ki[6]), real(kj[6]), c, memory, dt, event)
+            count = count + 1
+        return count
+
+    @wp.func
+    def pair_rows(
+        b: Bodies,
+        lists: Lists,
+        listed: int,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
+        event: real,
+        margin: real,
+        rows: Rows,
+        capacity: int,
+    ):
+        found = 0
+        for k in range(listed):
+            i, j = lists.i[k], lists.j[k]
+            c = of_pair(b, i, j, table, columns)
+            found = add_pair(b, rows, found, capacity, i, j, k, c, lists.memory[k], dt, event, margin)
+            lists.memory[k] = vec4()
+        return found
+
+    @wp.func
+    def big_rows(
+        b: Bodies,
+        lists: Lists,
+        listed: int,
+        n: int,
+        total: int,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
+        event: real,
+        margin: real,
+        rows: Rows,
+        first: int,
+        capacity: int,
+    ):
+        found = int(first)
+        for q in range(listed):
+            i, j = lists.big_i[q], lists.big_j[q]
+            slot = (j - n) * total + i
+            c = of_pair(b, i, j, table, columns)
+            found = add_pair(b, rows, found, capacity, i, j, slot, c, lists.big_memory[slot], dt, event, margin)
+            lists.big_memory[slot] = vec4()
+        return found
+
+    @wp.func
+    def wall_rows(
+        b: Bodies,
+        lists: Lists,
+        listed: int,
+        features: wp.array(dtype=Wall),
+        total: int,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
+        event: real,
+        margin: real,
+        rows: Rows,
+        first: int,
+        capacity: int,
+    ):
+        found = int(first)
+        for q in range(listed):
+            i, f = lists.wall_i[q], lists.wall_f[q]
+            k = b.kin[i]
+            x = wp.vec3d(k[0], k[1], k[2])
+            distance, normal = distance_of(features[f], x)
+            n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
+            gap = real(distance - k[6])
+            v = wp.vec3d()
+            if wp.static(moving):
+                v = features[f].velocity + wp.cross(features[f].spin, x - features[f].centre)
+            approach = real((k[3] - v[0]) * normal[0] + (k[4] - v[1]) * normal[1] + (k[5] - v[2]) * normal[2])
+            slot = f * total + i
+            if gap + wp.min(approach, real(0.0)) * dt < margin:
+                if found < capacity:
+                    z = real(0.0)
+                    rows.u[total + q] = vec8(real(v[0]), real(v[1]), real(v[2]), z, z, z, z, z)
+                    c = of_wall(b, i, features[f].kind, table, columns)
+                    put(
+                        rows,
+                        found,
+                        i,
+                        total + q,
+                        slot,
+                        n,
+                        gap,
+                        real(k[6]),
+                        z,
+                        c,
+                        lists.wall_memory[slot],
+                        dt,
+                        event,
+                    )
+                found += 1
+            lists.wall_memory[slot] = vec4()
+        return found
+
+    return pair_rows, big_rows, wall_rows

@@ -1,0 +1,227 @@
+"""The impulse step on the CPU: one serial launch carries the simulation through many steps."""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.impulse.positions import position_sweep
+from dembench.solver.impulse.rows import ImpulseOptions, row_functions, row_types
+from dembench.solver.impulse.sweeps import sweep_functions
+from dembench.solver.neighbours import near_functions
+from dembench.solver.types import types, vec8d
+
+DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
+"""Why a launch came back."""
+
+
+@cache
+def impulse_kernel(o: ImpulseOptions) -> Any:
+    """The kernel that makes up to `steps` steps.
+
+    Each step: gravity; rows from the lists; warm start; velocity sweeps until the largest correction is below `still`; drift
+    with the new velocities (symplectic); position sweeps until the largest overlap is below `slop`.
+
+    `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last step, 5 velocity sweeps and 6 position sweeps
+    made in all. `travel` (float64): 0 since the lists were built, 2 of large and small bodies since the candidates were
+    listed, 3 largest overlap left by a step.
+    """
+    t = types(o.precision)
+    real, vec4, vec8 = t.real, t.vec4, t.vec8
+    Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
+    Rows = row_types(o.precision)
+    pair_rows, big_rows, wall_rows = row_functions(o)
+    warm_start, sweep, remember = sweep_functions(o)
+    push = position_sweep(o)
+    pick_big = near_functions(o.precision).pick_big
+    walls, bigs, friction = o.walls, o.bigs, o.friction
+
+    @wp.func
+    def fall(b: Bodies, i: int, rows: Rows, dt: wp.float64, gravity: wp.vec3d):
+        """Adds gravity and hands the velocities to the rows; returns the squared speed."""
+        k = b.kin[i]
+        m = b.inv_m[i]
+        vx, vy, vz = k[3], k[4], k[5]
+        if m > real(0.0):
+            vx, vy, vz = vx + dt * gravity[0], vy + dt * gravity[1], vz + dt * gravity[2]
+        b.kin[i] = vec8d(k[0], k[1], k[2], vx, vy, vz, k[6], k[7])
+        rows.x[i] = wp.vec3d(k[0], k[1], k[2])
+        w = b.spin[i]
+        rows.u[i] = vec8(real(vx), real(vy), real(vz), m, w[0], w[1], w[2], b.inv_i[i])
+        return vx * vx + vy * vy + vz * vz
+
+    @wp.func
+    def drift(b: Bodies, i: int, rows: Rows, dt: wp.float64):
+        """Takes the change of velocity from the rows and moves the body."""
+        k, u = b.kin[i], rows.u[i]
+        vx = k[3] + wp.float64(u[0] - real(k[3]))
+        vy = k[4] + wp.float64(u[1] - real(k[4]))
+        vz = k[5] + wp.float64(u[2] - real(k[5]))
+        b.kin[i] = vec8d(k[0] + dt * vx, k[1] + dt * vy, k[2] + dt * vz, vx, vy, vz, k[6], k[7])
+        if wp.static(friction):
+            b.spin[i] = vec4(u[4], u[5], u[6], real(0.0))
+        return vx * vx + vy * vy + vz * vz
+
+    @wp.func
+    def moved(b: Bodies, i: int, rows: Rows):
+        k = b.kin[i]
+        d = wp.vec3d(k[0], k[1], k[2]) - rows.x[i]
+        return wp.dot(d, d)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def advance(
+        # inputs
+        steps: int,
+        dt: wp.float64,
+        gravity: wp.vec3d,
+        n: int,
+        total: int,
+        features: wp.array(dtype=Wall),
+        pair_table: wp.array(dtype=PairClass),
+        pair_columns: int,
+        wall_table: wp.array(dtype=PairClass),
+        wall_columns: int,
+        skin: wp.float64,
+        big_skin: wp.float64,
+        big_capacity: int,
+        row_capacity: int,
+        velocity_sweeps: int,
+        position_sweeps: int,
+        event: real,
+        still: real,
+        margin: real,
+        slop: wp.float64,
+        pair_count: wp.array(dtype=wp.int32),
+        wall_count: wp.array(dtype=wp.int32),
+        # outputs
+        b: Bodies,
+        lists: Lists,
+        rows: Rows,
+        near_count: wp.array(dtype=wp.int32),
+        state: wp.array(dtype=wp.int32),
+        travel: wp.array(dtype=wp.float64),
+    ):
+        two = wp.float64(2.0)
+        since_build = wp.float64(travel[0])
+        since_big = wp.float64(travel[2])
+        done, reason, going = 0, int(DONE), 1
+        counted = 0
+        while going == 1 and done < steps:
+            fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+            for i in range(n):
+                k = b.kin[i]
+                fastest = wp.max(fastest, k[3] * k[3] + k[4] * k[4] + k[5] * k[5])
+            for i in range(n, total):
+                k = b.kin[i]
+                fastest_big = wp.max(fastest_big, k[3] * k[3] + k[4] * k[4] + k[5] * k[5])
+            fall_step = dt * dt * wp.length(gravity)
+            reach = dt * wp.sqrt(fastest) + fall_step
+            reach_big = dt * wp.sqrt(fastest_big) + fall_step
+            if since_build > wp.float64(0.0) and two * (since_build + reach) + wp.float64(margin) > skin:
+                reason = int(REBUILD)
+                going = 0
+            if wp.static(bigs):
+                need = since_big + reach + reach_big + wp.float64(margin)
+                if going == 1 and (since_big < wp.float64(0.0) or need > big_skin):
+                    near_count[2] = pick_big(b, lists, n, total, big_skin, big_capacity)
+                    since_big = wp.float64(0.0)
+                    if near_count[2] > big_capacity:
+                        reason = int(BIG_OVERFLOW)
+                        going = 0
+            if going == 1:
+                for i in range(total):
+                    check += fall(b, i, rows, dt, gravity)
+                step = real(dt)
+                first_big = pair_rows(
+                    b,
+                    lists,
+                    pair_count[0],
+                    pair_table,
+                    pair_columns,
+                    step,
+                    event,
+                    margin,
+                    rows,
+                    row_capacity,
+                )
+                first_wall = first_big + 0
+                if wp.static(bigs):
+                    first_wall = big_rows(
+                        b,
+                        lists,
+                        near_count[2],
+                        n,
+                        total,
+                        pair_table,
+                        pair_columns,
+                        step,
+                        event,
+                        margin,
+                        rows,
+                        first_big,
+                        row_capacity,
+                    )
+                counted = first_wall + 0
+                if wp.static(walls):
+                    counted = wall_rows(
+                        b,
+                        lists,
+                        wall_count[0],
+                        features,
+                        total,
+                        wall_table,
+                        wall_columns,
+                        step,
+                        event,
+                        margin,
+                        rows,
+                        first_wall,
+                        row_capacity,
+                    )
+                warm_start(rows, counted)
+                largest = real(0.0)
+                sweeps = 0
+                while sweeps < velocity_sweeps:
+                    largest = sweep(rows, counted, sweeps % 2)
+                    sweeps += 1
+                    if largest <= still:
+                        state[5] = state[5] + sweeps
+                        sweeps = velocity_sweeps + 1
+                if sweeps == velocity_sweeps:
+                    state[5] = state[5] + sweeps
+                for i in range(total):
+                    check += drift(b, i, rows, dt)
+                remember(rows, 0, first_big, lists.memory)
+                if wp.static(bigs):
+                    remember(rows, first_big, first_wall, lists.big_memory)
+                if wp.static(walls):
+                    remember(rows, first_wall, counted, lists.wall_memory)
+                left = wp.float64(0.0)
+                passes = 0
+                while passes < position_sweeps:
+                    left = push(b, lists, rows, counted, features, total, slop, passes % 2)
+                    passes += 1
+                    if left <= slop:
+                        state[6] = state[6] + passes
+                        passes = position_sweeps + 1
+                if passes == position_sweeps:
+                    state[6] = state[6] + passes
+                travel[3] = wp.max(travel[3], left)
+                farthest, farthest_big = wp.float64(0.0), wp.float64(0.0)
+                for i in range(n):
+                    farthest = wp.max(farthest, moved(b, i, rows))
+                for i in range(n, total):
+                    farthest_big = wp.max(farthest_big, moved(b, i, rows))
+                since_build += wp.sqrt(farthest)
+                since_big += wp.sqrt(farthest) + wp.sqrt(farthest_big)
+                done += 1
+                if not wp.isfinite(check):
+                    reason = int(NOT_FINITE)
+                    going = 0
+        travel[0] = since_build
+        travel[2] = since_big
+        state[2] = done
+        state[3] = reason
+        state[4] = counted
+
+    return advance

@@ -1,0 +1,125 @@
+"""The soft-sphere stepper: launches the step kernel and rebuilds the lists when it asks for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+from dembench.scene import HertzMindlin, Scene, features
+from dembench.solver.guard import SolverError
+from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, StepOptions, advance_kernel
+from dembench.solver.laws import LawOptions
+from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.state import State
+from dembench.solver.walls import unsupported_walls
+
+SKIN = 0.2
+"""Gap up to which pairs are listed, in smallest diameters."""
+NEAR_SKIN = 0.01
+"""Gap up to which listed pairs are tested in every step, in smallest diameters."""
+BIG_SKIN = 0.5
+"""Gap up to which bodies are candidates of a large body, in smallest diameters."""
+
+
+class SoftSpheres:
+    """Steps a state with the Hertz-Mindlin law.
+
+    Attributes:
+        kernels: Kernels that must be loaded before the first step.
+    """
+
+    def __init__(self, scene: Scene, state: State, dt: float, precision: str, midpoint: bool):
+        self.state, self.dt = state, dt / state.units.time
+        state.skin = SKIN * state.diameter
+        self.kernels = [advance_kernel(step_options(scene, state, precision, midpoint))]
+        self._tables = PairTables(scene, state.units, precision)
+        self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
+        self._flags = wp.zeros(5, dtype=wp.int32, device="cpu")
+        self._travel = wp.zeros(4 + 4 * state.parts, dtype=wp.float64, device="cpu")
+        self._overlap = 0.0
+
+    def prepare(self) -> None:
+        """Builds the lists and evaluates the forces of the initial state, without growth of the contact springs."""
+        self._rebuild()
+        self._flags.numpy()[4] = 1
+        self._launch(0, 0.0)
+
+    def advance(self, n: int) -> int:
+        """Makes up to n steps, at least one, and returns how many; SolverError where a velocity is not finite."""
+        self._launch(n, self.dt)
+        flags = self._flags.numpy()
+        done, reason = int(flags[2]), int(flags[3])
+        if reason == NOT_FINITE:
+            raise SolverError("a velocity is not finite; the time step may be too large", reason="nan")
+        if reason == REBUILD:
+            self._rebuild()
+        elif reason == BIG_OVERFLOW:
+            self.state.grow_big()
+            self._travel.numpy()[2] = -1.0
+        elif reason == DONE and done == 0:
+            raise SolverError("the solver makes no progress")
+        return done
+
+    def largest_overlap(self) -> float:
+        """Largest overlap of two bodies met in any step [scene units]."""
+        return self._overlap
+
+    def counters(self) -> dict[str, float]:
+        """Figures of this stepper beside those of the state."""
+        return {}
+
+    def _rebuild(self) -> None:
+        self.state.rebuild()
+        self._travel.numpy()[:3] = 0.0, -1.0, -1.0
+
+    def _launch(self, steps: int, memory_dt: float) -> None:
+        s, t = self.state, self._tables
+
+        def one(part: int) -> None:
+            inputs = [part, s.parts, steps, memory_dt, self.dt, self._gravity, s.ranges, s.n, s.total, s.features]
+            inputs += [t.pairs, t.pair_columns, t.walls, t.wall_columns]
+            inputs += [s.skin, NEAR_SKIN * s.diameter, BIG_SKIN * s.diameter]
+            inputs += [s.capacity, s.wall_capacity, s.big_capacity, s.pair_count, s.wall_count]
+            outputs = [s.bodies, s.lists, s.near_count, self._flags, self._travel]
+            wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
+
+        s.each_part(one)
+        self._overlap = max(self._overlap, float(self._travel.numpy()[7::4].max()))
+
+
+def unsupported(scene: Scene) -> list[str]:
+    """What of a scene the soft-sphere solver cannot do, one line each."""
+    found = unsupported_walls(scene) + unsupported_features(scene)
+    if not isinstance(scene.law, HertzMindlin):
+        found.append(f"contact law {scene.law.kind}")
+    return found
+
+
+def unsupported_features(scene: Scene) -> list[str]:
+    """Features that neither solver has, one line each."""
+    has = features(scene)
+    names = {"rolling_friction": "rolling friction", "sinks": "sinks", "periodic": "periodic domains"}
+    return [text for name, text in names.items() if getattr(has, name)]
+
+
+def step_options(scene: Scene, state: State, precision: str, midpoint: bool) -> StepOptions:
+    """What of the soft-sphere step a scene needs."""
+    has = features(scene)
+    law = LawOptions(precision, has.friction, getattr(scene.law, "variant", "") == "rescaled", midpoint)
+    return StepOptions(
+        law=law,
+        pairs=lookup_mode(scene),
+        walls=has.walls,
+        curved=has.curved_walls,
+        moving=has.moving_walls,
+        bigs=state.big_rows > 0,
+        rotation=has.rotation,
+        threads=state.parts > 1,
+    )
+
+
+def load(*kernels: Any) -> None:
+    """Compiles kernels, or loads them from the cache."""
+    for kernel in kernels:
+        kernel.module.load(wp.get_device("cpu"), 1)
