@@ -66,6 +66,10 @@ def verdict_text(member: Member) -> str:
     status = entry.status
     judged = [s for s in entry.scores if s.within is not None]
     match entry.state:
+        case "failed" if status.state in ("ok", "inaccurate"):
+            return "It ran to its end, and its result file cannot be read."
+        case "ok" if not judged:
+            return "Found accurate when it ran; its case is not known here."
         case "ok":
             return f"All {len(judged)} judged quantities lie within their references."
         case "unscored":
@@ -73,6 +77,8 @@ def verdict_text(member: Member) -> str:
             return f"Ran to its end; there is no reference to compare with.{held}"
         case "inaccurate":
             outside = [s for s in judged if not s.within]
+            if not outside:
+                return _sentence(f"Found inaccurate when it ran: {status.detail}")
             shown = "; ".join(_outside(s) for s in outside[:MOST_OUTSIDE])
             more = f"; {len(outside) - MOST_OUTSIDE} more below" if len(outside) > MOST_OUTSIDE else ""
             return f"{len(outside)} of {len(judged)} judged quantities lie outside their references: {shown}{more}."

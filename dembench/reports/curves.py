@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -16,6 +17,7 @@ from dembench.scene import Energy, Scene, Trajectory
 
 MOST_PANELS = 6
 MOST_PAIRS = 6
+MOST_POINTS = 2000
 
 
 def plots(group: Group, command: str) -> list[Plot]:
@@ -86,8 +88,10 @@ def _hidden(scene: Scene) -> set[str]:
 
 
 def _plot(group: Group, name: str, command: str) -> Plot:
-    drawn = [(m, m.shown.observables[name]) for m in group.members if name in m.shown.observables]
-    first = drawn[0][1]
+    recorded = [(m, m.shown.observables[name]) for m in group.members if name in m.shown.observables]
+    first = recorded[0][1]
+    drawn = [(m, o) for m, o in recorded if (o.unit, o.components) == (first.unit, first.components)]
+    every = max(1, math.ceil(max(len(o.time) for _, o in drawn) / MOST_POINTS))
     curves = [c for c in group.first.curves if c.observable == name]
     factor, time_unit = shown_in("s", *(o.time for _, o in drawn))
     shown = _components(group.first.scene, name, first)
@@ -96,7 +100,10 @@ def _plot(group: Group, name: str, command: str) -> Plot:
         values = [_column(o, column) for _, o in drawn]
         known_values = [c.value for c in curves] if not first.components else []
         scale, unit = shown_in(first.unit, *values, *known_values)
-        lines = tuple(_line(member, o.time * factor, y * scale) for (member, o), y in zip(drawn, values, strict=True))
+        lines = tuple(
+            _line(member, o.time[::every] * factor, y[::every] * scale)
+            for (member, o), y in zip(drawn, values, strict=True)
+        )
         known = tuple(
             Known(c.label, c.time * factor, c.value * scale, _scaled(c.low, scale), _scaled(c.high, scale))
             for c in (curves if not first.components else [])
@@ -106,7 +113,7 @@ def _plot(group: Group, name: str, command: str) -> Plot:
     return Plot(
         name=f"{group.name}-{name}".replace("_", "-"),
         title=title,
-        caption=_caption(drawn, [f"{c.label}: {c.source}" for c in curves], len(first.components) > len(shown)),
+        caption=_caption(drawn, [f"{c.label}: {c.source}" for c in curves], len(first.components) > len(shown), every),
         x_label=labelled("Time", time_unit),
         panels=tuple(panels),
         command=command,
@@ -149,7 +156,7 @@ def _scaled(values: np.ndarray | None, scale: float) -> np.ndarray | None:
     return None if values is None else values * scale
 
 
-def _caption(drawn: Iterable[tuple[Member, Observed]], sources: list[str], shortened: bool) -> str:
+def _caption(drawn: Iterable[tuple[Member, Observed]], sources: list[str], shortened: bool, every: int) -> str:
     parts = []
     ended = [
         f"{m.label} ({m.shown.state}) at {measure(m.shown.reached, 's')}" for m, _ in drawn if not m.shown.complete
@@ -159,6 +166,8 @@ def _caption(drawn: Iterable[tuple[Member, Observed]], sources: list[str], short
         parts.append(f"Ended early: {', '.join(ended)}.")
     if repeated:
         parts.append(f"One of several repeats is drawn for {', '.join(repeated)}.")
+    if every > 1:
+        parts.append(f"One sample of {every} is drawn.")
     if shortened:
         parts.append("Further components are in the result files.")
     parts += [f"{source[:1].upper()}{source[1:]}." for source in sources]

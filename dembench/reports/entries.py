@@ -92,9 +92,16 @@ class Entry:
 
     @cached_property
     def state(self) -> str:
-        """The run state; what ran to its end is `ok`, `inaccurate` or `unscored` by its scores."""
+        """The run state; what ran to its end is `ok`, `inaccurate` or `unscored` by its scores.
+
+        Where the case is not known here the recorded verdict stands; without a readable result nothing is ok.
+        """
         if self.status.state not in ("ok", "inaccurate"):
             return self.status.state
+        if self.record.result is None:
+            return "failed"
+        if self.problem is None:
+            return "unscored" if self.status.state == "ok" and not self.status.scored else self.status.state
         return verdict(self.scores)
 
     @property

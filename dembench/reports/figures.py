@@ -215,7 +215,11 @@ def _fill(ax: Axes, panel: Panel, width: float) -> None:
     else:
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND_STEPS))
     ax.xaxis.set_major_locator(MaxNLocator(nbins=10 if width == WIDE else 6, steps=_ROUND_STEPS))
-    ax.margins(x=0.01)
+    ends = [value for line in panel.lines for value in (np.min(line.x), np.max(line.x))]
+    ends += [value for known in panel.known for value in (np.min(known.x), np.max(known.x))]
+    if ends and max(ends) > min(ends):
+        margin = 0.01 * (max(ends) - min(ends))
+        ax.set_xlim(min(ends) - margin, max(ends) + margin)
     ax.set_ylabel(panel.label)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import pytest
 
@@ -112,12 +114,33 @@ def test_a_heading_sorts_by_value_and_back(opened: Any) -> None:
     assert _column(opened, "all-runs", index)[-1] == ""
 
 
+def test_downloads_are_what_they_say(opened: Any) -> None:
+    """CSV, SVG and PNG of a figure; the last two in plain light colours, whatever the page shows."""
+    _scheme(opened, "dark")
+    saved = opened.execute_async_script(
+        """
+        const done = arguments[0], saved = {};
+        HTMLAnchorElement.prototype.click = function () {
+          saved[this.download.split(".").pop()] = this.href;
+          if (Object.keys(saved).length === 3) done(saved);
+        };
+        document.querySelectorAll("figure [data-save]").forEach((b, k) => k < 3 && b.click());
+        """
+    )
+    lines = unquote(saved["csv"]).split("\r\n")
+    assert lines[0].endswith("panel,series,Time [ms],value,low,high")
+    assert any(line.startswith("Vertical displacement [mm],alpha,1,-5.0049") for line in lines)
+    svg = unquote(saved["svg"].partition(",")[2])
+    assert svg.startswith("<svg") and "var(" not in svg and "#e34948" in svg
+    assert base64.b64decode(saved["png"].partition(",")[2])[:8] == b"\x89PNG\r\n\x1a\n"
+
+
 def test_arrow_keys_read_values(opened: Any) -> None:
     figure = opened.find_element("css selector", "figure")
     drawing = figure.find_element("css selector", ".drawing")
     drawing.send_keys("\ue014\ue014")
     shown = figure.find_element("css selector", ".readout").text
-    assert "Time [ms]: 1" in shown and "alpha" in shown and "-5.0049" in shown
+    assert "Time [ms]: 1" in shown and "alpha" in shown and "\u22125.0049" in shown
 
 
 @pytest.mark.parametrize("width", [375, 768, 1280])

@@ -13,6 +13,7 @@ from reading import Page
 from synthetic import COMMAND, HOSTILE, add_run, impact, series
 
 from dembench.reports.report import render
+from dembench.results import Observed
 from dembench.runs.directory import find_runs
 
 
@@ -137,6 +138,35 @@ def test_the_page_asks_nobody_for_anything(read: Page, text: str) -> None:
     links = [a[key] or "" for _, a in read.tags for key in ("href", "src", "xlink:href") if key in a]
     assert links and all(link.startswith(("#", "data:")) for link in links)
     assert not re.search(r"url\((?!#)|@import", text)
+
+
+def test_a_result_that_cannot_be_read_is_never_ok(stand_ins: None, tmp_path: Path) -> None:
+    scene = impact(0.02)
+    run = add_run(tmp_path, scene, "alpha", observables=series(scene), loop=1.0)
+    run.result.write_bytes(b"no HDF5")
+    read = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert [cell.text.strip() for cell in read.column("all-runs", "State")] == ["failed"]
+    assert "its result file cannot be read" in "".join(read.text)
+
+
+def test_the_recorded_verdict_stands_where_the_case_is_not_known(stand_ins: None, tmp_path: Path) -> None:
+    scene = impact(0.02)
+    add_run(
+        tmp_path, scene, "alpha", "inaccurate", case="other", observables=series(scene), loop=1.0, detail="too deep"
+    )
+    read = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert [cell.text.strip() for cell in read.column("all-runs", "State")] == ["inaccurate"]
+    assert "too deep" in "".join(read.text)
+
+
+def test_long_records_are_thinned_in_figures_and_say_so(stand_ins: None, tmp_path: Path) -> None:
+    scene = impact(0.02)
+    time = np.linspace(0, 0.02, 5001)
+    dense = Observed(np.arange(5001), time, -5 * time, "m", (), "Depth")
+    add_run(tmp_path, scene, "alpha", case="a.json", preset=None, observables={"depth": dense}, loop=1.0)
+    read = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
+    line = next(iter(read.figures.values())).data["panels"][0]["lines"][0]
+    assert len(line["x"]) == 1667 and "One sample of 3 is drawn." in "".join(read.text)
 
 
 def test_ids_are_unique(read: Page) -> None:

@@ -110,7 +110,10 @@
     });
     return best;
   };
-  const shown = (v) => (Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3) ? v.toExponential(3) : String(Number(v.toPrecision(5))));
+  const shown = (v) => {
+    const extreme = Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3);
+    return (extreme ? v.toExponential(3) : String(Number(v.toPrecision(5)))).replaceAll("-", "\u2212");
+  };
 
   each("figure", (figure) => {
     const data = JSON.parse(figure.querySelector("script").textContent);
