@@ -53,13 +53,13 @@ def _titled(name: str, value: float) -> tuple[str, float, str]:
 def _depths(scene: Scene, seen: Mapping[str, Any]) -> dict[str, float | None]:
     time, depth = seen["ball_displacement"].time, seen["ball_displacement"].value
     found: dict[str, float | None] = {}
-    deepest = lowest(time, depth, scene.duration)
+    deepest = lowest(time, depth)
     if deepest is not None:
         found["deepest_time"], found["deepest"] = deepest
     between = depth
     if "ball_minimum" in seen and len(seen["ball_minimum"].time):
         between = seen["ball_minimum"].value
-        fine = lowest(seen["ball_minimum"].time, between, scene.duration)
+        fine = lowest(seen["ball_minimum"].time, between)
         found["deepest_between"] = fine[1] if fine is not None else None
     found["descent_25ms"] = sample_at(time, depth, 0.025)
     found["descent_27ms"] = sample_at(time, depth, 0.027)

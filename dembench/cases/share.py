@@ -1,4 +1,4 @@
-"""Where the data and recipes lie: at the top of a checkout, inside the package of an installed wheel."""
+"""Where data files lie: at the top of a checkout, inside the package of an installed wheel."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ _PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def share(*parts: str) -> Path:
-    """Path of a file below the folders `data` and `recipes`, e.g. share("data", "dosta2024-impact.toml").
+    """Path of a file that travels with the package, e.g. share("data", "dosta2024-impact.toml").
 
     Raises:
         FileNotFoundError: Neither a checkout nor an installed package has it.

@@ -293,6 +293,8 @@ def test_a_run_that_was_cut_has_no_end_point(published_scene):
     early = scored(published_scene, record(published_scene, like_the_references, until=0.026))
     assert not {"deepest", "deepest_time", "deepest_between", "speed_35ms", "end_point", "descent_27ms"} & set(early)
     assert early["descent_25ms"].within
+    short = published_scene.cut(0.01)
+    assert "deepest" not in scored(short, record(short, like_the_references))
 
 
 def test_an_empty_record_has_no_quantities(quick):
