@@ -308,12 +308,9 @@ def _say_what_runs(request: Request, runs: list[PlannedRun]) -> None:
     """The first line: which preset, how long a run takes, how to get the published one."""
     if not request.is_quick_unasked():
         return
-    known = {run.spec.label(): run.spec.estimate for run in runs if run.spec.estimate is not None}
-    times = ", ".join(f"{label} about {console.duration(value)}" for label, value in known.items())
-    console.line(
-        f"preset quick, as none was given; estimated time per run: {times or 'not known'}; "
-        "as published: --preset published"
-    )
+    estimates = {run.spec.label(): run.spec.estimate for run in runs}
+    times = ", ".join(f"{label} {console.duration(value)}" for label, value in estimates.items())
+    console.line(f"preset quick, as none was given; estimated time per run: {times}; as published: --preset published")
 
 
 def _write_report(runs: Path, output: Path) -> Path | None:

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
+from io import StringIO
 from typing import Any
 
 from rich.console import Console
@@ -98,20 +99,20 @@ def plan_rows(runs: Sequence[PlannedRun], fresh: bool) -> list[dict[str, Any]]:
 def bar(quiet: bool) -> Iterator[Progress]:
     """A progress bar on the error stream for work before the runs; it vanishes when done.
 
-    Whatever libraries print meanwhile goes to the error stream too, so that the output stays what it is said to be.
+    What libraries print meanwhile is left out: the output is what the verb says it is.
     """
-    if quiet or not err.is_terminal:
-        with redirect_stdout(sys.stderr):
+    with redirect_stdout(StringIO()):
+        if quiet or not err.is_terminal:
             yield silent if quiet else _Lines()
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with redirect_stdout(sys.stderr), Bar(*columns, console=err, transient=True) as shown:
-        task = shown.add_task("preparing", total=1.0, visible=False)
+            return
+        columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+        with Bar(*columns, console=err, transient=True, redirect_stdout=False) as shown:
+            task = shown.add_task("preparing", total=1.0, visible=False)
 
-        def update(fraction: float, message: str) -> None:
-            shown.update(task, completed=fraction, description=message, visible=True)
+            def update(fraction: float, message: str) -> None:
+                shown.update(task, completed=fraction, description=message, visible=True)
 
-        yield update
+            yield update
 
 
 class _Lines:

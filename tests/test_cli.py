@@ -154,6 +154,14 @@ def test_a_bad_scene_names_its_fault(command, scene_file):
     assert done.exit_code == 2 and "species.0.radius" in done.stderr
 
 
+def test_a_case_without_preset_is_quick_and_the_first_line_says_so(command, small_scene, monkeypatch):
+    monkeypatch.setattr("dembench.cases.impact.Impact.scene", lambda *_: small_scene())
+    first = command("plan", "case3", "--engines", "standin,standin-coarse").stdout.splitlines()[0]
+    assert first.startswith("preset quick") and "standin 3 s, standin-coarse 3 s" in first
+    assert "--preset published" in first
+    assert "preset quick" not in command("plan", "case3", "--engines", "standin", "--preset", "quick").stdout
+
+
 def test_time_cuts_the_scene(command, scene_file):
     _run(command, scene_file, "--engines", "standin", "--time", "0.004")
     (record,) = find_runs(Path("runs"))
