@@ -200,7 +200,7 @@ def advance_kernel(o: StepOptions) -> Any:
     ):
         """All near pairs of a region, which stand sorted by i: what concerns i is read and written once per run."""
         largest = real(0.0)
-        current = -1
+        current = int(-1)
         ki = vec8d()
         wi = vec3()
         total = vec8()
@@ -314,13 +314,13 @@ def advance_kernel(o: StepOptions) -> Any:
         since_near = wp.float64(travel[1])
         since_big = wp.float64(travel[2])
         overlap = real(0.0)
-        done = 0
+        done = int(0)
         reason = int(DONE)
-        pending = 0
+        pending = int(0)
         mid = int(state[4])
         half = dt * wp.float64(0.5)
         slot = 4 + 4 * part
-        going = 1
+        going = int(1)
         if wp.static(threads):
             barrier(state, parts)
         while going == 1 and (done < steps or mid == 1):

@@ -196,7 +196,7 @@ def list_kernels(precision: str, curved: bool) -> Any:
     ):
         """Lists the pairs of the part's own particles with a gap below the skin; counts beyond the capacity, too."""
         end = ranges[part + 1]
-        inside, across = 0, 0
+        inside, across = int(0), int(0)
         for i in range(ranges[part], end):
             xi = position(b, i)
             ri = b.kin[i][6]
@@ -213,7 +213,7 @@ def list_kernels(precision: str, curved: bool) -> Any:
                 if row > 1:
                     uu = u + 1
                     vv = v + row - 3
-                last = 0
+                last = int(0)
                 if uu < cells[0] and vv >= 0 and vv < cells[1]:
                     base = (uu * cells[1] + vv) * cells[2]
                     last = start[base + w1 + 1]
@@ -286,7 +286,7 @@ def near_functions(precision: str) -> Any:
     @wp.func
     def pick_near(b: Bodies, lists: Lists, base: int, count: int, skin: wp.float64):
         """Writes the pairs of a region with a gap below `skin` into `near` and returns their number."""
-        found = 0
+        found = int(0)
         for q in range(count):
             k = base + q
             i, j = lists.i[k], lists.j[k]
@@ -302,7 +302,7 @@ def near_functions(precision: str) -> Any:
     @wp.func
     def pick_big(b: Bodies, lists: Lists, n: int, total: int, skin: wp.float64, capacity: int):
         """Lists all bodies within `skin` of each large body n..total; returns their number, also beyond the capacity."""
-        found = 0
+        found = int(0)
         for j in range(n, total):
             xj = position(b, j)
             rj = b.kin[j][6] + skin

@@ -149,7 +149,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         rows: Rows,
         capacity: int,
     ):
-        found = 0
+        found = int(0)
         for k in range(listed):
             i, j = lists.i[k], lists.j[k]
             c = of_pair(b, i, j, table, columns)

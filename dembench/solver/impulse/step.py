@@ -104,8 +104,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
         two = wp.float64(2.0)
         since_build = wp.float64(travel[0])
         since_big = wp.float64(travel[2])
-        done, reason, going = 0, int(DONE), 1
-        counted = 0
+        done, reason, going = int(0), int(DONE), int(1)
+        counted = int(0)
         while going == 1 and done < steps:
             fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             for i in range(n):
@@ -180,7 +180,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                     )
                 warm_start(rows, counted)
                 largest = real(0.0)
-                sweeps = 0
+                sweeps = int(0)
                 while sweeps < velocity_sweeps:
                     largest = sweep(rows, counted, sweeps % 2)
                     sweeps += 1
@@ -197,7 +197,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 if wp.static(walls):
                     remember(rows, first_wall, counted, lists.wall_memory)
                 left = wp.float64(0.0)
-                passes = 0
+                passes = int(0)
                 while passes < position_sweeps:
                     left = push(b, lists, rows, counted, features, total, slop, passes % 2)
                     passes += 1
