@@ -1,8 +1,9 @@
-"""The in-tree solver as a program: `python -m dembench.engines.in_tree DECK` simulates the scene of a deck directory.
+"""The in-tree solver as a program: `python -m dembench.engines.in_tree DECK` simulates the scene of a deck.
 
-The deck holds `scene.json`, `settings.json` and, where there are many bodies, `scene.npz`. It writes `frames/<step>.npy`
-(position, velocity, angular velocity: n x 9 float64), `tracks.csv`, `clock.csv` (step, simulated and wall time at every
-record) and at the end `timing.json`; on failure `failure.json`. Every frame has its final name only when it is complete.
+The deck holds `scene.json`, `settings.json` and, where there are many bodies, `scene.npz`. The program writes
+`frames/<step>.npy` (position, velocity, angular velocity: n x 9 float64), `tracks.csv`, `clock.csv` (step, simulated
+and wall time at every record) and at the end `timing.json`; on failure `failure.json`. A frame has its final name only when
+it is complete.
 """
 
 from __future__ import annotations

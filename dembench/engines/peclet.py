@@ -55,8 +55,7 @@ class Peclet(Engine):
         return unsupported(scene)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
-        """The same in both divisions: the fastest body moves an eighth of the smallest diameter d in a step, and a step is at
-        most 0.007 sqrt(d/g)."""
+        """In both divisions: a body moves at most d/8 in a step, d the smallest diameter; dt at most 0.007 sqrt(d/g)."""
         diameter = 2 * float(scene.radii().min())
         limits = [scene.duration]
         speed = float(np.linalg.norm(scene.bodies.velocity, axis=1).max(initial=0))

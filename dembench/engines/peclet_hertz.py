@@ -53,7 +53,7 @@ class PecletHertz(Engine):
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
-        from dembench.solver.simulation import unsupported
+        from dembench.solver.soft import unsupported
 
         return unsupported(scene)
 

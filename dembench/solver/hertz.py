@@ -1,8 +1,8 @@
 """The soft-sphere step on the CPU: half lists, plain accumulation, one or more threads on disjoint ranges.
 
-One launch carries a thread through many steps. It comes back when the steps are done, when the lists may no longer hold
-every pair that can touch, or when a value is not finite. The integrator is velocity Verlet; forces are evaluated with the
-half-step velocities.
+One launch carries a thread through many steps. It comes back when the steps are done, when the lists may no longer
+hold every pair that can touch, or when a value is not finite. The integrator is velocity Verlet; forces are evaluated
+with the half-step velocities.
 """
 
 from dataclasses import dataclass, field
@@ -65,7 +65,7 @@ def lever_function(o: StepOptions) -> Any:
 
 @cache
 def force_functions(o: StepOptions) -> Any:
-    """Warp functions that evaluate one pair and one wall contact: (i, j) or (i, feature) -> force, tangential force, memory."""
+    """Warp functions (pair, wall, spin): one contact of two bodies, one of a body and a wall feature, and a spin."""
     t = types(o.law.precision)
     real, vec3, vec4, Bodies, PairClass, Wall = t.real, t.vec3, t.vec4, t.Bodies, t.PairClass, t.Wall
     force = contact_force(o.law)
@@ -132,10 +132,10 @@ def force_functions(o: StepOptions) -> Any:
 def advance_kernel(o: StepOptions) -> Any:
     """The kernel that carries one thread through up to `steps` steps.
 
-    `state` (int32): 0, 1 barrier; 2 steps done; 3 reason for coming back; 4 whether the step in progress still lacks its
-    forces. `travel` (float64): 0 since the lists were built, 1 since the near lists were picked, 2 of the large bodies and
-    the small ones since the candidates were listed, 3 largest overlap met, from 4 on per thread: largest squared speed of
-    small and of large bodies, sum of squared speeds, largest overlap.
+    `state` (int32): 0, 1 barrier; 2 steps done; 3 reason for coming back; 4 whether the step in progress still lacks
+    its forces. `travel` (float64): 0 since the lists were built, 1 since the near lists were picked, 2 of the large
+    bodies and the small ones since the candidates were listed, from 4 on per thread: largest squared speed of small and
+    of large bodies, sum of squared speeds, largest overlap.
     """
     t = types(o.law.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
@@ -150,7 +150,7 @@ def advance_kernel(o: StepOptions) -> Any:
 
     @wp.func
     def kick(b: Bodies, i: int, k: vec8d, times: int, half: wp.float64, gravity: wp.vec3d):
-        """Half a step of acceleration, `times` times; the sum is rounded after each, so that blocks may end anywhere."""
+        """Half a step of acceleration, `times` times; rounded after each, so that blocks may end anywhere."""
         load = b.load[i]
         m = b.inv_m[i]
         out = k
@@ -258,7 +258,14 @@ def advance_kernel(o: StepOptions) -> Any:
 
     @wp.func
     def big_contacts(
-        b: Bodies, lists: Lists, count: int, n: int, total: int, table: wp.array(dtype=PairClass), columns: int, dt: real
+        b: Bodies,
+        lists: Lists,
+        count: int,
+        n: int,
+        total: int,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
     ):
         largest = real(0.0)
         for q in range(count):
@@ -360,9 +367,7 @@ def advance_kernel(o: StepOptions) -> Any:
                 mid = 1
             if going == 1:
                 if two * since_near > near_skin or since_near < zero:
-                    near_count[2 * part] = pick_near(
-                        b, lists, 2 * part * capacity, pair_count[2 * part], near_skin
-                    )
+                    near_count[2 * part] = pick_near(b, lists, 2 * part * capacity, pair_count[2 * part], near_skin)
                     near_count[2 * part + 1] = pick_near(
                         b, lists, (2 * part + 1) * capacity, pair_count[2 * part + 1], near_skin
                     )

@@ -66,7 +66,7 @@ def list_kernels(precision: str, curved: bool) -> Any:
         start: wp.array(dtype=wp.int32),
         order: wp.array(dtype=wp.int32),
     ):
-        """Counting sort by cell: order[new] = old; start[c] is the first particle of cell c, one entry more than cells."""
+        """Counting sort by cell: order[new] = old; start[c] is the first particle of cell c, with one entry more."""
         n_cells = cells[0] * cells[1] * cells[2]
         for c in range(n_cells + 1):
             start[c] = 0
@@ -140,7 +140,7 @@ def list_kernels(precision: str, curved: bool) -> Any:
         head: wp.array(dtype=wp.int32),
         follow: wp.array(dtype=wp.int32),
     ):
-        """Chains the pairs that have a memory to the lower of their new indices, so that the new lists can find them."""
+        """Chains the pairs that have a memory to the lower of their new indices, where the new lists look for it."""
         for i in range(n):
             head[i] = -1
         for r in range(regions):
@@ -301,7 +301,7 @@ def near_functions(precision: str) -> Any:
 
     @wp.func
     def pick_big(b: Bodies, lists: Lists, n: int, total: int, skin: wp.float64, capacity: int):
-        """Lists all bodies within `skin` of each large body n..total; returns their number, also beyond the capacity."""
+        """Lists all bodies within `skin` of each large body n..total; counts on beyond the capacity."""
         found = int(0)
         for j in range(n, total):
             xj = position(b, j)

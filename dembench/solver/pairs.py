@@ -83,10 +83,9 @@ def _table(scene: Scene, units: Units, precision: str, rows: list[tuple[str, str
         except KeyError:
             records.append(record)
             continue
-        if unscaled:
-            radius, mass = units.length, units.mass
         elastic = Elastic.of(scene.material(a), scene.material(b), law)
-        for name, value in pair_constants(elastic, law, radius, mass, units).items():
+        scales = (units.length, units.mass) if unscaled else (radius, mass)
+        for name, value in pair_constants(elastic, law, *scales, units).items():
             setattr(record, name, value)
         records.append(record)
     return wp.array(records, dtype=PairClass, device="cpu")

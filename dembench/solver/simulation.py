@@ -25,8 +25,8 @@ class Simulation:
         precision: "float32" (positions and velocities are float64 all the same) or "float64" throughout.
         midpoint: Dashpots use the mean velocity of the step, which allows a larger step.
         allow_unstable: Accept a step beyond the stability guard; `warnings` then says so.
-        method: "soft-sphere" (the scene's Hertz-Mindlin law) or "impulse" (rigid contacts with the pair laws' restitution and
-            friction).
+        method: "soft-sphere" (the scene's Hertz-Mindlin law) or "impulse" (rigid contacts with the restitution and
+            friction of the pair laws).
         velocity_sweeps, position_sweeps: Largest number of sweeps per step of the impulse solver.
 
     Attributes:
@@ -64,9 +64,7 @@ class Simulation:
         self.state = State(scene, self.units, precision, 1 if rigid else threads)
         self._stepper: soft.SoftSpheres | impulse.Impulses
         if rigid:
-            self._stepper = impulse.Impulses(
-                scene, self.state, self.dt, precision, velocity_sweeps, position_sweeps
-            )
+            self._stepper = impulse.Impulses(scene, self.state, self.dt, precision, velocity_sweeps, position_sweeps)
         else:
             self._stepper = soft.SoftSpheres(scene, self.state, self.dt, precision, midpoint)
         begin = time.perf_counter()

@@ -1,4 +1,4 @@
-"""A barrier between the threads of one step, inside compiled code: no return to the interpreter within a block of steps."""
+"""What compiled code needs of the machine: a barrier between the threads of a step, and prefetching."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ def prefetch_function(record: Any) -> Any:
     """
 
     @wp.func_native(
-        "__builtin_prefetch(&b.kin.data[i]); __builtin_prefetch(&b.spin.data[i]); __builtin_prefetch(&b.load.data[i], 1);"
+        "__builtin_prefetch(&b.kin.data[i]);__builtin_prefetch(&b.spin.data[i]);__builtin_prefetch(&b.load.data[i], 1);"
     )
     def prefetch(b: record, i: int): ...
 

@@ -20,9 +20,9 @@ vec8d = wp.types.vector(8, wp.float64)
 def types(precision: str) -> Any:
     """Types of a precision ("float32" or "float64"): real, vec3, vec4 and the records Bodies, PairClass, Wall, Lists.
 
-    Bodies: the particle arrays, what a contact needs of a body side by side. kin: position (0-2), velocity (3-5), radius
-    (6); spin: angular velocity (0-2); load: force (0-2) and torque (4-6); inv_m, inv_i: inverse mass and moment of
-    inertia, 0 where the motion is prescribed; kind: species.
+    Bodies: the particle arrays, what a contact needs of a body side by side. kin: position (0-2), velocity (3-5),
+    radius (6); spin: angular velocity (0-2); load: force (0-2) and torque (4-6); inv_m, inv_i: inverse mass and moment
+    of inertia, 0 where the motion is prescribed; kind: species.
 
     PairClass: constants of a pair of species, of a species and a wall, or of two radii. radii: sum of the radii;
     kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4);

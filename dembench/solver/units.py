@@ -49,7 +49,7 @@ class Units:
 
 
 def scene_units(scene: Scene) -> Units:
-    """Units of a scene: smallest diameter, its mass, and the free-fall time over one diameter (or 1/64 of the duration)."""
+    """Units of a scene: smallest diameter, its mass, free-fall time over it (without gravity 1/64 of the duration)."""
     radii = scene.radii()
     if not len(radii):
         return Units(1.0, 1.0, 1.0)

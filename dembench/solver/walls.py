@@ -163,4 +163,3 @@ def wall_distance(precision: str, curved: bool) -> Any:
         return d, n
 
     return distance_of
-

@@ -12,9 +12,9 @@ from dembench.solver.walls import wall_distance
 
 @cache
 def position_sweep(o: ImpulseOptions) -> Any:
-    """A Warp function (bodies, rows, count, ..., reverse) that visits every row once and returns the largest overlap."""
+    """A Warp function (bodies, lists, rows, ..., reverse) that visits every row and returns the largest overlap."""
     t = types(o.precision)
-    real, Bodies, Wall, Lists = t.real, t.Bodies, t.Wall, t.Lists
+    Bodies, Wall, Lists = t.Bodies, t.Wall, t.Lists
     Rows = row_types(o.precision)
     distance_of = wall_distance(o.precision, o.curved)
     walls = o.walls

@@ -1,8 +1,8 @@
 """Rows: the contacts that a step may need, one per pair and wall feature, chosen at the start of the step.
 
-A row is kept for every pair whose gap can close within the step. Normals and gaps are those at the start of the step; a
-positive gap enters as v' >= -gap/dt. A pair that meets faster than the event speed rebounds with its restitution instead
-(Newton's law); slower contacts rest.
+A row is kept for every pair whose gap can close within the step. Normals and gaps are those at the start of the step;
+a positive gap enters as v' >= -gap/dt. A pair that meets faster than the event speed rebounds with its restitution
+instead (Newton's law); slower contacts rest.
 """
 
 from dataclasses import dataclass
@@ -38,10 +38,13 @@ class ImpulseOptions:
 
 @cache
 def row_types(precision: str) -> Any:
-    """The record Rows: i, j indices into u; slot: where the impulses are remembered; a: normal, target, normal and
-    tangential effective mass, friction, radius of i; b: radius of j, normal impulse, tangential impulse (4-6); u: velocity
-    (0-2), inverse mass, angular velocity (4-6), inverse inertia of bodies and, behind them, of the walls in contact; x:
-    positions at the start of the step."""
+    """The record Rows.
+
+    i, j: indices into u; slot: where the impulses are remembered; a: normal (0-2), target, normal and tangential
+    effective mass, friction, radius of i; b: radius of j, normal impulse, tangential impulse (4-6); u: velocity (0-2),
+    inverse mass, angular velocity (4-6), inverse inertia of bodies and, behind them, of the walls in contact; x:
+    positions at the start of the step.
+    """
     t = types(precision)
     vec8 = t.vec8
 
@@ -60,7 +63,7 @@ def row_types(precision: str) -> Any:
 
 @cache
 def row_functions(o: ImpulseOptions) -> Any:
-    """Warp functions (pair_rows, big_rows, wall_rows) that append rows and return their number, also beyond the capacity."""
+    """Warp functions (pair_rows, big_rows, wall_rows) that append rows and return their number."""
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists

@@ -19,12 +19,12 @@ DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
 def impulse_kernel(o: ImpulseOptions) -> Any:
     """The kernel that makes up to `steps` steps.
 
-    Each step: gravity; rows from the lists; warm start; velocity sweeps until the largest correction is below `still`; drift
-    with the new velocities (symplectic); position sweeps until the largest overlap is below `slop`.
+    Each step: gravity; rows from the lists; warm start; velocity sweeps until the largest correction is below `still`;
+    drift with the new velocities (symplectic); position sweeps until the largest overlap is below `slop`.
 
-    `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last step, 5 velocity sweeps and 6 position sweeps
-    made in all. `travel` (float64): 0 since the lists were built, 2 of large and small bodies since the candidates were
-    listed, 3 largest overlap left by a step.
+    `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last step, 5 velocity sweeps and 6 position
+    sweeps made in all. `travel` (float64): 0 since the lists were built, 2 of large and small bodies since the
+    candidates were listed, 3 largest overlap left by a step.
     """
     t = types(o.precision)
     real, vec4, vec8 = t.real, t.vec4, t.vec8
