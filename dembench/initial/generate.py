@@ -19,18 +19,29 @@ from dembench.scene import Bodies, Box, Domain, Material, PairLaw, Scene, Specie
 from dembench.scene.base import Model, NotNegative, Positive
 
 
+class Stage(Model):
+    """One stage of settling, from rest and without the shear springs of the stage before.
+
+    Attributes:
+        softening: Young's modulus as a share of the real one [-].
+        friction: Friction of all pairs [-]; None is that of the pair laws.
+    """
+
+    softening: Positive = 1.0
+    friction: NotNegative | None = None
+
+
 class Protocol(Model):
     """How a bed is settled; part of the key of the cache.
 
-    Its values were chosen so that height, bulk solid fraction and coordination of the published bed come out: grains
-    that hardly bounce and rub harder settle more loosely, and relaxing with the real friction takes part of that back.
+    The defaults were chosen so that height, bulk solid fraction and coordination of the published 25k bed come out:
+    grains that hardly bounce and rub harder settle more loosely, and every further stage takes part of that back.
 
     Attributes:
         version: Raised when the procedure changes.
         lattice_fraction: Solid fraction of the lattice that the grains start on [-].
-        softening: Young's modulus in each stage, as a share of the real one [-]; the last is 1.
+        stages: What is settled in turn.
         restitution: Restitution of all pairs in all stages [-]; so strong a dashpot needs its midpoint form.
-        friction: Friction of all pairs in all stages but the last, which has that of the pair laws [-].
         step: Time step in Rayleigh times [-].
         check: Interval between checks for rest, in units of sqrt(r/g) [-].
         rest: Mean kinetic energy of a grain below which the bed rests, in units of m g r [-].
@@ -39,9 +50,8 @@ class Protocol(Model):
 
     version: int = 1
     lattice_fraction: Annotated[float, Field(gt=0, lt=0.5)] = 0.4
-    softening: tuple[Positive, ...] = (0.1, 1.0)
+    stages: Annotated[tuple[Stage, ...], Field(min_length=1)] = (Stage(softening=0.1, friction=0.6), Stage())
     restitution: Annotated[float, Field(gt=0, le=1)] = 0.1
-    friction: NotNegative = 0.6
     step: Annotated[float, Field(gt=0, le=0.3)] = 0.2
     check: Positive = 0.2
     rest: Positive = 1e-3
@@ -127,10 +137,9 @@ def lattice(plan: BedPlan, seed: int) -> np.ndarray:
 
 def _settle(plan: BedPlan, seed: int, progress: Progress) -> np.ndarray:
     position = lattice(plan, seed)
-    stages = plan.protocol.softening
-    for k, softening in enumerate(stages):
-        last = k == len(stages) - 1
-        scene = _scene(plan, position, softening, None if last else plan.protocol.friction)
+    stages = plan.protocol.stages
+    for k, stage in enumerate(stages):
+        scene = _scene(plan, position, stage)
         position = _rest(scene, plan, progress, k / len(stages), (k + 1) / len(stages))
     found = measure(plan, position)
     check_packing(plan, found)
@@ -138,11 +147,13 @@ def _settle(plan: BedPlan, seed: int, progress: Progress) -> np.ndarray:
     return position
 
 
-def _scene(plan: BedPlan, position: np.ndarray, softening: float, friction: float | None) -> Scene:
-    """The grains alone in the box, at rest, with a reduced Young's modulus and the protocol's pair laws."""
-    material = plan.material.model_copy(update={"young": softening * plan.material.young})
-    wall = plan.wall_material.model_copy(update={"young": softening * plan.wall_material.young})
-    change = {"restitution": plan.protocol.restitution} | ({} if friction is None else {"friction": friction})
+def _scene(plan: BedPlan, position: np.ndarray, stage: Stage) -> Scene:
+    """The grains alone in the box, at rest, with the Young's modulus and the pair laws of a stage."""
+    material = plan.material.model_copy(update={"young": stage.softening * plan.material.young})
+    wall = plan.wall_material.model_copy(update={"young": stage.softening * plan.wall_material.young})
+    change = {"restitution": plan.protocol.restitution}
+    if stage.friction is not None:
+        change["friction"] = stage.friction
     margin = 5 * plan.radius
     lower, upper = np.array(plan.box.lower) - margin, np.array(plan.box.upper) + margin
     upper[2] = max(upper[2], position[:, 2].max() + margin)
