@@ -39,10 +39,9 @@ def _displacements(scene: Scene) -> list[str]:
 
 
 def _distance_plot(group: Group, name: str, command: str) -> Plot | None:
-    """How far each two runs are apart over time; None where there are no two, or too many to draw."""
-    pairs = [
-        (a, b) for a, b in itertools.combinations(group.members, 2) if all(name in m.shown.observables for m in (a, b))
-    ]
+    """How far each two complete runs are apart over time; None where there are no two, or too many to draw."""
+    ended = [m for m in group.members if m.shown.complete and name in m.shown.observables]
+    pairs = list(itertools.combinations(ended, 2))
     if not 0 < len(pairs) <= MOST_PAIRS:
         return None
     series = []

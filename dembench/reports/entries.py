@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -133,6 +134,21 @@ class Entry:
     def complete(self) -> bool:
         """Whether the record reaches the end of the scene."""
         return self.reached >= self.spec.duration * (1 - 1e-6)
+
+    @property
+    def dt(self) -> float | None:
+        """Time step [s]; None where the settings have none."""
+        try:
+            return float(self.spec.settings["dt"])
+        except (KeyError, TypeError, ValueError):
+            return None
+
+    @property
+    def own_step(self) -> bool:
+        """Whether a run of the closed division has another time step than the division's."""
+        if self.spec.division != "closed" or self.scene is None or self.dt is None:
+            return False
+        return not math.isclose(self.dt, self.scene.closed_step(), rel_tol=1e-6)
 
     @property
     def loop(self) -> float | None:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from dembench.reports.comparisons import run_cell, state_cell, verdict_text
+from dembench.reports.cells import run_cell, state_cell
+from dembench.reports.comparisons import verdict_text
 from dembench.reports.entries import RANKED, Entry, Group, Member
 from dembench.reports.tables import Cell, Column, Table, grouped, numbers, significant
 from dembench.reports.units import measure
@@ -44,18 +45,22 @@ def scene_facts(group: Group) -> Facts:
     if scene is not None:
         found += _contents(scene)
     found += [
-        ("Division", _division(spec.division, scene)),
+        ("Division", _division(group)),
         ("Seeds", ", ".join(map(str, seeds))),
         ("SHA-256 of the scene", ", ".join(digests)),
     ]
     return found
 
 
-def _division(division: str, scene: Scene | None) -> str:
-    if division != "closed":
-        return f"{division}: each engine's best way, behind the same accuracy gate"
-    step = f", time step {measure(scene.closed_step(), 's')}" if scene is not None else ""
-    return f"closed: the scene's law and time step for every engine{step}"
+def _division(group: Group) -> str:
+    spec, scene = group.first.spec, group.first.scene
+    if spec.division != "closed":
+        return f"{spec.division}: each engine's best way, behind the same accuracy gate"
+    if scene is None:
+        return "closed: the scene's law and time step"
+    own = [f"{m.label} ({measure(m.shown.dt or 0, 's')})" for m in group.members if m.shown.own_step]
+    deviating = f"; with a time step of their own: {', '.join(own)}" if own else ""
+    return f"closed: the scene's law and its time step of {measure(scene.closed_step(), 's')}{deviating}"
 
 
 def _contents(scene: Scene) -> Facts:

@@ -20,6 +20,7 @@ from dembench.reports.entries import Group, gather
 from dembench.reports.figures import Drawing, draw
 from dembench.reports.svg import palette
 from dembench.reports.tables import Table
+from dembench.reports.timings import timings
 from dembench.runs.directory import RunRecord
 
 STATE_ORDER = ("ok", "unscored", "inaccurate", "failed", "timeout", "interrupted", "running", "skipped", "missing")
@@ -91,7 +92,7 @@ def _section(group: Group) -> SceneSection:
     case = entry.problem[0] if entry.problem else None
     short = f"{facts.problem_name(entry)}, {entry.spec.division}"
     commands = _commands(group)
-    found = (comparisons.quantities(group), comparisons.differences(group), comparisons.timings(group))
+    found = (comparisons.quantities(group), comparisons.differences(group), timings(group))
     return SceneSection(
         name=group.name,
         title=f"{case.title} ({short} division)" if case else f"{short} division",

@@ -15,6 +15,7 @@ from synthetic import COMMAND, HOSTILE, add_run, impact, series
 from dembench.reports.report import render
 from dembench.results import Observed
 from dembench.runs.directory import find_runs
+from dembench.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -27,6 +28,11 @@ def text(page: Path) -> str:
 def read(text: str) -> Page:
     """The page, parsed."""
     return Page(text)
+
+
+def displacement(scene: Scene) -> dict[str, Observed]:
+    """One series, for pages that need no more."""
+    return {"ball_displacement": series(scene)["ball_displacement"]}
 
 
 def test_every_run_has_a_row_with_its_state(read: Page, runs: Path) -> None:
@@ -69,6 +75,16 @@ def test_timings_are_those_of_the_results(read: Page) -> None:
     assert float(read.column(table, "Particle-steps")[beta].value or 0) == pytest.approx(rate)
     assert float(read.column(table, "Peak memory")[beta].value or 0) == pytest.approx(123.4)
     assert float(read.column(table, "Core-seconds")[beta].value or 0) == pytest.approx(291.4)
+
+
+def test_an_own_time_step_in_the_closed_division_is_marked(stand_ins: None, tmp_path: Path) -> None:
+    scene = impact(0.02)
+    add_run(tmp_path, scene, "alpha", observables=displacement(scene), loop=9.0)
+    add_run(tmp_path, scene, "beta", observables=displacement(scene), loop=1.0, overrides={"dt": "5e-6"})
+    own = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
+    for table in (own.table_with("Verdict"), own.table_with("Particle-steps")):
+        assert [cell.text.split()[1:] for cell in own.column(table, "Loop time")] == [[], ["s"]]
+    assert "with a time step of their own: beta[dt=5e-6] (5 µs)" in "".join(own.text)
 
 
 def test_quantities_stand_beside_their_references(read: Page) -> None:
@@ -119,7 +135,7 @@ def test_what_strangers_wrote_is_text(read: Page, text: str) -> None:
 def test_strange_names_stay_text_in_tables_figures_and_data(stand_ins: None, tmp_path: Path) -> None:
     scene = impact(0.02)
     name = '</script><svg onload=alert(1)>"$x$'
-    add_run(tmp_path, scene, name, case="<b>scene</b>.json", preset=None, observables=series(scene), loop=1.0)
+    add_run(tmp_path, scene, name, case="<b>scene</b>.json", preset=None, observables=displacement(scene), loop=1.0)
     add_run(tmp_path, scene, name, case="<b>scene</b>.json", preset=None, overrides={"<i>": "'\"><u>"})
     read = Page(render(find_runs(tmp_path), tmp_path / "report.html", title="<h1>&").read_text(encoding="utf-8"))
     assert not {"b", "i", "u"} & {tag for tag, _ in read.tags}
@@ -142,7 +158,7 @@ def test_the_page_asks_nobody_for_anything(read: Page, text: str) -> None:
 
 def test_a_result_that_cannot_be_read_is_never_ok(stand_ins: None, tmp_path: Path) -> None:
     scene = impact(0.02)
-    run = add_run(tmp_path, scene, "alpha", observables=series(scene), loop=1.0)
+    run = add_run(tmp_path, scene, "alpha", observables=displacement(scene), loop=1.0)
     run.result.write_bytes(b"no HDF5")
     read = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
     assert [cell.text.strip() for cell in read.column("all-runs", "State")] == ["failed"]
@@ -152,7 +168,14 @@ def test_a_result_that_cannot_be_read_is_never_ok(stand_ins: None, tmp_path: Pat
 def test_the_recorded_verdict_stands_where_the_case_is_not_known(stand_ins: None, tmp_path: Path) -> None:
     scene = impact(0.02)
     add_run(
-        tmp_path, scene, "alpha", "inaccurate", case="other", observables=series(scene), loop=1.0, detail="too deep"
+        tmp_path,
+        scene,
+        "alpha",
+        "inaccurate",
+        case="other",
+        observables=displacement(scene),
+        loop=1.0,
+        detail="too deep",
     )
     read = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
     assert [cell.text.strip() for cell in read.column("all-runs", "State")] == ["inaccurate"]
@@ -176,7 +199,7 @@ def test_ids_are_unique(read: Page) -> None:
 
 def test_same_runs_give_the_same_page(stand_ins: None, tmp_path: Path) -> None:
     scene = impact(0.02)
-    add_run(tmp_path, scene, "alpha", observables=series(scene), loop=1.0)
+    add_run(tmp_path, scene, "alpha", observables=displacement(scene), loop=1.0)
     first, second = (render(find_runs(tmp_path), tmp_path / name).read_bytes() for name in ("a.html", "b.html"))
     assert first == second
 

@@ -1,0 +1,19 @@
+"""Cells that many tables share: the name of a run, the state of a run."""
+
+from __future__ import annotations
+
+from dembench.reports.entries import Member
+from dembench.reports.svg import variable
+from dembench.reports.tables import Cell
+
+STATE_NAMES = {"unscored": "ok, unscored"}
+
+
+def run_cell(member: Member, detail: str = "") -> Cell:
+    """A member's name with the colour of its curves."""
+    return Cell(member.label, member.label, colour=variable(member.shown.look.colour), detail=detail)
+
+
+def state_cell(state: str) -> Cell:
+    """A run state as a word with its mark."""
+    return Cell(STATE_NAMES.get(state, state), mark=f"state {state}")

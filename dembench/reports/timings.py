@@ -1,0 +1,126 @@
+"""The timing table, and what its marks say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from dembench.reports.cells import run_cell, state_cell
+from dembench.reports.entries import RANKED, Entry, Group, Member
+from dembench.reports.tables import Cell, Column, Table, numbers, significant
+from dembench.reports.units import shown_in
+
+RATIO = Column("Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok")
+MARKS = {
+    "c": "c: contended, other programs used its cores before or while it ran, so the time is overstated.",
+    "p": "p: partial, the run ended before its simulated time; the time is that of the part.",
+    "s": "s: own time step, not that of the closed division; such a time compares methods, not implementations.",
+    "w": "w: wall time of the engine's process, since the engine gives no time of its stepping loop.",
+}
+
+
+def ratios(group: Group) -> list[Cell]:
+    """Median loop time of each member that is ok, relative to the shortest of them."""
+    fastest = group.fastest
+    return numbers(
+        [m.loop / fastest if fastest and m.loop is not None and m.state in RANKED else None for m in group.members]
+    )
+
+
+def timings(group: Group) -> Table:
+    """The timing table: only runs that are ok get a ratio; the marks say what else to know."""
+    shown = [m.shown for m in group.members]
+    loops = [m.loop if m.loop is not None else m.shown.loop for m in group.members]
+    bodies = group.first.spec.bodies
+    steps = [e.steps for e in shown]
+    rates = [bodies * n / t / 1e6 if n and t else None for n, t in zip(steps, loops, strict=True)]
+    pace = [e.reached / t if t and e.reached else None for e, t in zip(shown, loops, strict=True)]
+    cores = [e.spec.cores for e in shown]
+    pace_factor, pace_unit = shown_in("s", [p for p in pace if p is not None])
+    columns: list[tuple[Column, list[Cell]]] = [
+        (Column("Engine", kind="long"), [run_cell(m, _settings(m)) for m in group.members]),
+        (Column("State"), [state_cell(m.state) for m in group.members]),
+        (Column("Loop time", "s", "number", "median of the repeats"), loop_cells(group, loops)),
+        (RATIO, ratios(group)),
+        (Column("Particle-steps", "10⁶/s", "number"), numbers(rates)),
+        (
+            Column("Core-seconds", "s", "number", "loop time times cores"),
+            numbers([t * c if t else None for t, c in zip(loops, cores, strict=True)]),
+        ),
+        (
+            Column("Simulated per wall time", f"{pace_unit}/s", "number"),
+            numbers([p * pace_factor if p else None for p in pace]),
+        ),
+        (Column("Peak memory", "MB", "number"), numbers([_megabytes(e) for e in shown], digits=2)),
+        (Column("Time step", "s", "number"), [_step(e) for e in shown]),
+        (Column("Steps", kind="number"), numbers(steps, digits=1)),
+        (Column("Cores", "or ranks", "number"), numbers(cores, digits=1)),
+        (Column("Precision"), [Cell(e.spec.precision) for e in shown]),
+        (Column("Device"), [Cell(e.spec.device) for e in shown]),
+        (Column("Spread of repeats", "s", "number", "shortest to longest"), [_spread(m) for m in group.members]),
+        (Column("Set-up", "s", "number"), _part(shown, "set_up")),
+        (Column("Compile", "s", "number"), _part(shown, "compile")),
+        (Column("Output", "s", "number"), _part(shown, "output")),
+    ]
+    rows = tuple(tuple(cells[k] for _, cells in columns) for k in range(len(group.members)))
+    return Table(
+        f"{group.name}-timings",
+        "Timings",
+        tuple(column for column, _ in columns),
+        rows,
+        note="Only runs that are ok are compared: accuracy comes before speed.",
+        footnotes=(*_measured_by(group), *marks_explained(rows)),
+    )
+
+
+def marks(entries: Sequence[Entry]) -> str:
+    """The letters of `MARKS` that apply to the repeats of a run."""
+    timed = [e for e in entries if e.loop is not None]
+    found = "c" if any(e.status.contended for e in entries) else ""
+    found += "p" if any(not e.complete for e in timed) else ""
+    found += "s" if any(e.own_step for e in timed) else ""
+    return found + ("w" if any(e.timing.get("source") == "wall" for e in timed) else "")
+
+
+def marks_explained(rows: Iterable[Sequence[Cell]]) -> tuple[str, ...]:
+    """One line for each mark that the cells carry."""
+    used = {letter for row in rows for cell in row for letter in cell.flags}
+    return tuple(text for letter, text in MARKS.items() if letter in used)
+
+
+def _measured_by(group: Group) -> tuple[str, ...]:
+    sources = {str(e.timing.get("source", "")) for e in group.entries if e.loop is not None} - {"", "wall"}
+    return (f"Loop times without the mark w were measured by: {', '.join(sorted(sources))}.",) if sources else ()
+
+
+def loop_cells(group: Group, loops: Sequence[float | None]) -> list[Cell]:
+    """Loop times of the members [s] with their marks."""
+    return [
+        Cell(cell.text, cell.value, flags=marks(m.entries)) if cell.text else cell
+        for cell, m in zip(numbers(loops), group.members, strict=True)
+    ]
+
+
+def _spread(member: Member) -> Cell:
+    if len(member.loops) < 2:
+        return Cell()
+    low, high = min(member.loops), max(member.loops)
+    return Cell(f"{significant(low)} to {significant(high)} ({len(member.loops)})", high - low)
+
+
+def _settings(member: Member) -> str:
+    """Settings that are not columns of their own."""
+    kept = {key: value for key, value in member.shown.spec.settings.items() if key != "dt"}
+    return ", ".join(f"{key}={f'{v:g}' if isinstance(v, float) else v}" for key, v in kept.items())
+
+
+def _step(entry: Entry) -> Cell:
+    return Cell(significant(entry.dt), entry.dt) if entry.dt is not None else Cell()
+
+
+def _part(entries: Sequence[Entry], name: str) -> list[Cell]:
+    return numbers([e.timing.get(name) for e in entries], digits=2, most=3)
+
+
+def _megabytes(entry: Entry) -> float | None:
+    peak = entry.resources.get("peak_memory")
+    return peak / 1e6 if peak else None
