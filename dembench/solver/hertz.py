@@ -303,7 +303,7 @@ def advance_kernel(o: StepOptions) -> Any:
         skin: wp.float64,
         near_skin: wp.float64,
         big_skin: wp.float64,
-        capacity: int,
+        base: wp.array(dtype=wp.int32),
         wall_capacity: int,
         big_capacity: int,
         pair_count: wp.array(dtype=wp.int32),
@@ -367,9 +367,9 @@ def advance_kernel(o: StepOptions) -> Any:
                 mid = 1
             if going == 1:
                 if two * since_near > near_skin or since_near < zero:
-                    near_count[2 * part] = pick_near(b, lists, 2 * part * capacity, pair_count[2 * part], near_skin)
+                    near_count[2 * part] = pick_near(b, lists, base[2 * part], pair_count[2 * part], near_skin)
                     near_count[2 * part + 1] = pick_near(
-                        b, lists, (2 * part + 1) * capacity, pair_count[2 * part + 1], near_skin
+                        b, lists, base[2 * part + 1], pair_count[2 * part + 1], near_skin
                     )
                     since_near = zero
                 if wp.static(bigs):
@@ -386,7 +386,7 @@ def advance_kernel(o: StepOptions) -> Any:
                 overlap = wp.max(
                     overlap,
                     near_pairs(
-                        b, lists, 2 * part * capacity, near_count[2 * part], pair_table, pair_columns, memory_dt
+                        b, lists, base[2 * part], near_count[2 * part], pair_table, pair_columns, memory_dt
                     ),
                 )
                 if wp.static(walls):
@@ -411,7 +411,7 @@ def advance_kernel(o: StepOptions) -> Any:
                                 near_pairs(
                                     b,
                                     lists,
-                                    (2 * p + 1) * capacity,
+                                    base[2 * p + 1],
                                     near_count[2 * p + 1],
                                     pair_table,
                                     pair_columns,

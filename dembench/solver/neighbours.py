@@ -132,7 +132,7 @@ def list_kernels(precision: str, curved: bool) -> Any:
         # inputs
         old: Lists,
         regions: int,
-        capacity: int,
+        base: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         place: wp.array(dtype=wp.int32),
         n: int,
@@ -145,7 +145,7 @@ def list_kernels(precision: str, curved: bool) -> Any:
             head[i] = -1
         for r in range(regions):
             for q in range(count[r]):
-                k = r * capacity + q
+                k = base[r] + q
                 if old.memory[k][3] != real(0.0):
                     lower = wp.min(place[old.i[k]], place[old.j[k]])
                     follow[k] = head[lower]
@@ -189,13 +189,15 @@ def list_kernels(precision: str, curved: bool) -> Any:
         place: wp.array(dtype=wp.int32),
         head: wp.array(dtype=wp.int32),
         follow: wp.array(dtype=wp.int32),
-        capacity: int,
+        base: wp.array(dtype=wp.int32),
         # outputs
         lists: Lists,
         count: wp.array(dtype=wp.int32),
     ):
         """Lists the pairs of the part's own particles with a gap below the skin; counts beyond the capacity, too."""
         end = ranges[part + 1]
+        room = base[2 * part + 1] - base[2 * part]
+        room_across = base[2 * part + 2] - base[2 * part + 1]
         inside, across = int(0), int(0)
         for i in range(ranges[part], end):
             xi = position(b, i)
@@ -215,24 +217,24 @@ def list_kernels(precision: str, curved: bool) -> Any:
                     vv = v + row - 3
                 last = int(0)
                 if uu < cells[0] and vv >= 0 and vv < cells[1]:
-                    base = (uu * cells[1] + vv) * cells[2]
-                    last = start[base + w1 + 1]
+                    column = (uu * cells[1] + vv) * cells[2]
+                    last = start[column + w1 + 1]
                     if row > 0:
-                        first = start[base + w0]
+                        first = start[column + w0]
                 for j in range(first, last):
                     d = xi - position(b, j)
                     reach = ri + b.kin[j][6] + skin
                     if wp.dot(d, d) < reach * reach:
                         if j < end:
-                            if inside < capacity:
-                                k = 2 * part * capacity + inside
+                            if inside < room:
+                                k = base[2 * part] + inside
                                 lists.i[k] = i
                                 lists.j[k] = j
                                 lists.memory[k] = carried(i, j, old, place, head, follow)
                             inside += 1
                         else:
-                            if across < capacity:
-                                k = (2 * part + 1) * capacity + across
+                            if across < room_across:
+                                k = base[2 * part + 1] + across
                                 lists.i[k] = i
                                 lists.j[k] = j
                                 lists.memory[k] = carried(i, j, old, place, head, follow)

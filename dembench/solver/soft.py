@@ -80,7 +80,7 @@ class SoftSpheres:
             inputs = [part, s.parts, steps, memory_dt, self.dt, self._gravity, s.ranges, s.n, s.total, s.features]
             inputs += [t.pairs, t.pair_columns, t.walls, t.wall_columns]
             inputs += [s.skin, NEAR_SKIN * s.diameter, BIG_SKIN * s.diameter]
-            inputs += [s.capacity, s.wall_capacity, s.big_capacity, s.pair_count, s.wall_count]
+            inputs += [s.base, s.wall_capacity, s.big_capacity, s.pair_count, s.wall_count]
             outputs = [s.bodies, s.lists, s.near_count, self._flags, self._travel]
             wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
 
@@ -119,7 +119,8 @@ def step_options(scene: Scene, state: State, precision: str, midpoint: bool) -> 
     )
 
 
-def load(*kernels: Any) -> None:
-    """Compiles kernels, or loads them from the cache."""
+def load(device: str, *kernels: Any) -> None:
+    """Compiles kernels for a device, or loads them from the cache."""
+    target = wp.get_device(device)
     for kernel in kernels:
-        kernel.module.load(wp.get_device("cpu"), 1)
+        kernel.module.load(target, 1 if target.is_cpu else 256)

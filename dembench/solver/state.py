@@ -53,7 +53,7 @@ class State:
         self._pool = ThreadPoolExecutor(self.parts) if self.parts > 1 else None
         self._allocate(max(1, self.total))
         self._fill(scene, radii)
-        self._lists(10)
+        self._lists(5)
 
     # ---- allocation
 
@@ -87,25 +87,33 @@ class State:
         self.ranges = wp.array(ranges, dtype=wp.int32, device="cpu")
 
     def _lists(self, per_particle: int) -> None:
-        """Lists with room for `per_particle` pairs of every particle."""
-        self.capacity = max(64, per_particle * self.n // self.parts)
-        self.wall_capacity = max(64, self.n // 2)
-        self.big_capacity = 4096 + self.n // 16
-        self.lists = self._new_lists()
-        self._old = self._new_lists()
-        self._old.wall_i = self._old.wall_f = self._old.big_i = self._old.big_j = self._ints(1)
-        self._follow = self._ints(2 * self.parts * self.capacity)
-
-    def _new_lists(self) -> Any:
-        lists = self.types.Lists()
-        pairs = 2 * self.parts * self.capacity
-        lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
-        lists.memory = self._memory(pairs)
+        """Lists with room for `per_particle` pairs of every particle; a build that needs more makes them grow."""
+        self._set_room(max(64, per_particle * self.n // self.parts), 64)
+        self.wall_capacity = max(64, self.n // 4)
+        self.big_capacity = 1024
+        self.lists = self.types.Lists()
+        lists = self.lists
+        self._new_pairs(lists)
         lists.wall_i, lists.wall_f = (self._ints(self.parts * self.wall_capacity) for _ in range(2))
         lists.wall_memory = self._memory(self.n_walls * self.total)
         lists.big_i, lists.big_j = self._ints(self.big_capacity), self._ints(self.big_capacity)
         lists.big_memory = self._memory(self.big_rows * self.total)
-        return lists
+        self._old = self.types.Lists()
+        self._new_pairs(self._old)
+        for name in ("near", "wall_i", "wall_f", "big_i", "big_j"):
+            setattr(self._old, name, self._ints(1))
+        self._old.wall_memory = self._old.big_memory = self._memory(1)
+        self._follow = self._ints(len(lists.i))
+
+    def _set_room(self, inside: int, across: int) -> None:
+        """Where the regions of the pair lists begin: region 2p has room for `inside`, region 2p + 1 for `across` pairs."""
+        rooms = [inside, across if self.parts > 1 else 0] * self.parts
+        self.base = wp.array(np.concatenate([[0], np.cumsum(rooms)]), dtype=wp.int32, device="cpu")
+
+    def _new_pairs(self, lists: Any) -> None:
+        pairs = int(self.base.numpy()[-1])
+        lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
+        lists.memory = self._memory(pairs)
 
     def _fill(self, scene: Scene, radii: np.ndarray) -> None:
         """Puts the scene's initial state into the arrays."""
@@ -159,10 +167,12 @@ class State:
         grid = self._sort()
         while True:
             self._build(grid)
-            needed = int(self.pair_count.numpy().max())
-            if needed <= self.capacity:
+            needed, room = self.pair_count.numpy(), np.diff(self.base.numpy())
+            if (needed <= room).all():
                 break
-            self._grow(needed)
+            # the old pairs stay where they are until a build has carried their memory over
+            self._set_room(int(1.1 * needed[0::2].max()) + 64, int(1.5 * needed[1::2].max()) + 64)
+            self._new_pairs(self.lists)
         self._build_walls()
         self.near_count.zero_()
 
@@ -176,21 +186,24 @@ class State:
             return empty
         box = wp.zeros(2, dtype=wp.vec3d, device="cpu")
         launch(self.kernels.bounds, b, n, box)
-        low, high = box.numpy()
-        if not (np.isfinite(low).all() and np.isfinite(high).all()):
-            low, high = np.zeros(3), np.ones(3)
-        edge = (self.reach + self.skin) * (1 + 1e-9)
-        # a few particles far away must not make a grid of mostly empty cells
-        while np.prod(np.floor((high - low) / edge) + 1) > 8 * n + 64:
-            edge *= 1.26
-        axis = np.argsort(-(high - low), kind="stable").astype(int)
-        cells = (np.floor((high - low) / edge) + 1)[axis].astype(int)
-        grid = (wp.vec3d(*low), 1 / edge, wp.vec3i(*axis.tolist()), wp.vec3i(*cells.tolist()))
-        self.start = self._ints(int(cells.prod()) + 1)
+        grid = self.grid(*box.numpy())
+        self.start = self._ints(int(np.prod(list(grid[3]))) + 1)
         launch(self.kernels.sort, b, n, *grid, self.cell, self.start, self.order)
         launch(self.kernels.permute, n, self.total, *self._permuted())
         self._swap()
         return grid
+
+    def grid(self, low: np.ndarray, high: np.ndarray) -> tuple[Any, ...]:
+        """Cells of the small bodies within a box: origin, 1/edge, axes from the longest to the shortest, cells per axis."""
+        if not (np.isfinite(low).all() and np.isfinite(high).all()):
+            low, high = np.zeros(3), np.ones(3)
+        edge = (self.reach + self.skin) * (1 + 1e-9)
+        # a few particles far away must not make a grid of mostly empty cells
+        while np.prod(np.floor((high - low) / edge) + 1) > 8 * self.n + 64:
+            edge *= 1.26
+        axis = np.argsort(-(high - low), kind="stable").astype(int)
+        cells = (np.floor((high - low) / edge) + 1)[axis].astype(int)
+        return (wp.vec3d(*low), 1 / edge, wp.vec3i(*axis.tolist()), wp.vec3i(*cells.tolist()))
 
     def _permuted(self) -> list[Any]:
         out = [self.n_walls, self.big_rows, self.order, self.bodies, self.identity]
@@ -207,12 +220,17 @@ class State:
             ours, theirs = getattr(self.lists, name), getattr(self._old, name)
             setattr(self.lists, name, theirs)
             setattr(self._old, name, ours)
-        self._old_capacity = self.capacity
+        if len(self.lists.i) < int(self.base.numpy()[-1]):
+            self._new_pairs(self.lists)
+        if len(self._follow) < len(self._old.i):
+            self._follow = self._ints(len(self._old.i))
+        # where the regions of the old pairs begin does not change when the new ones grow
+        self._old_base = wp.clone(self.base)
         self._launch(
             self.kernels.collect,
             self._old,
             2 * self.parts,
-            self.capacity,
+            self._old_base,
             self.pair_count,
             self.place,
             self.n,
@@ -235,19 +253,12 @@ class State:
                 self.place,
                 self.head,
                 self._follow,
-                self.capacity,
+                self.base,
                 self.lists,
                 self.pair_count,
             )
 
         self.each_part(one)
-
-    def _grow(self, needed: int) -> None:
-        """Larger lists; the old pairs stay where they are until the build has carried their memory over."""
-        self.capacity = int(1.2 * needed) + 64
-        pairs = 2 * self.parts * self.capacity
-        self.lists.i, self.lists.j, self.lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
-        self.lists.memory = self._memory(pairs)
 
     def _build_walls(self) -> None:
         if not self.n_walls:

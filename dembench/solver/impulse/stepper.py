@@ -116,16 +116,17 @@ class Impulses:
         self._big_skin = BIG_SKIN * s.diameter + 2 * (reach + reach_big) + margin
         s.rebuild()
         self._travel.numpy()[[0, 2]] = 0.0, -1.0
-        contacts = int(s.pair_count.numpy()[0]) + int(s.wall_count.numpy()[0]) + s.big_capacity
-        if self._rows.i is None or len(self._rows.i) < contacts:
-            self._allocate(int(1.2 * contacts) + 64)
+        walls = int(s.wall_count.numpy()[0])
+        contacts = int(s.pair_count.numpy()[0]) + walls + (s.big_capacity if s.big_rows else 0)
+        if self._rows.i is None or len(self._rows.i) < contacts or len(self._rows.u) < s.total + walls:
+            self._allocate(int(1.1 * contacts) + 64, int(1.2 * walls) + 64)
 
-    def _allocate(self, n: int) -> None:
+    def _allocate(self, n: int, walls: int) -> None:
         s, vec8 = self.state, self.state.types.vec8
         rows = self._rows
         rows.i, rows.j, rows.slot = (wp.zeros(n, dtype=wp.int32, device="cpu") for _ in range(3))
         rows.a, rows.b = (wp.zeros(n, dtype=vec8, device="cpu") for _ in range(2))
-        rows.u = wp.zeros(s.total + n, dtype=vec8, device="cpu")
+        rows.u = wp.zeros(s.total + walls, dtype=vec8, device="cpu")
         rows.x = wp.zeros(max(1, s.total), dtype=wp.vec3d, device="cpu")
 
 
