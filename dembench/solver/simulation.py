@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 
 from dembench.scene import Scene
 from dembench.solver import soft
+from dembench.solver.full import FullSpheres, check_device
+from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError, check_step
 from dembench.solver.impulse import stepper as impulse
 from dembench.solver.state import State
@@ -28,6 +31,9 @@ class Simulation:
         method: "soft-sphere" (the scene's Hertz-Mindlin law) or "impulse" (rigid contacts with the restitution and
             friction of the pair laws).
         velocity_sweeps, position_sweeps: Largest number of sweeps per step of the impulse solver.
+        device: "cpu", or a CUDA device such as "cuda:0" for the soft-sphere solver.
+        lists: Neighbour lists of the soft-sphere solver: "half" (threads of the CPU) or "full" (CUDA devices; also runs on the
+            CPU, with one thread). None takes what the device needs.
 
     Attributes:
         steps: Steps made.
@@ -49,6 +55,8 @@ class Simulation:
         method: str = "soft-sphere",
         velocity_sweeps: int = 8,
         position_sweeps: int = 12,
+        device: str = "cpu",
+        lists: Literal["half", "full"] | None = None,
     ):
         solvers = {"soft-sphere": soft.unsupported, "impulse": impulse.unsupported}
         if method not in solvers:
@@ -61,14 +69,21 @@ class Simulation:
         self.units = scene_units(scene)
         rigid = method == "impulse"
         self.warnings = [] if rigid else check_step(scene, self.dt, allow_unstable)
-        self.state = State(scene, self.units, precision, 1 if rigid else threads)
-        self._stepper: soft.SoftSpheres | impulse.Impulses
-        if rigid:
+        lists = lists or ("half" if device == "cpu" else "full")
+        check_device(device, lists, method)
+        self.state: State
+        self._stepper: soft.SoftSpheres | FullSpheres | impulse.Impulses
+        if lists == "full":
+            self.state = state = FullState(scene, self.units, precision, device)
+            self._stepper = FullSpheres(scene, state, self.dt, precision, midpoint)
+        elif rigid:
+            self.state = State(scene, self.units, precision, 1)
             self._stepper = impulse.Impulses(scene, self.state, self.dt, precision, velocity_sweeps, position_sweeps)
         else:
+            self.state = State(scene, self.units, precision, threads)
             self._stepper = soft.SoftSpheres(scene, self.state, self.dt, precision, midpoint)
         begin = time.perf_counter()
-        soft.load(*self._stepper.kernels, *vars(self.state.kernels).values())
+        soft.load(device, *self._stepper.kernels, *vars(self.state.kernels).values())
         self.compile_seconds = time.perf_counter() - begin
         self._stepper.prepare()
 

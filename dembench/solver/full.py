@@ -1,0 +1,129 @@
+"""The soft-sphere stepper with full lists: launches blocks of steps, and rebuilds the lists when a block asks for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from dembench.scene import Scene
+from dembench.solver.full_state import FullState
+from dembench.solver.full_step import DRIFT, HALF_KICK, NO_KICK, full_kernels
+from dembench.solver.guard import SolverError
+from dembench.solver.pairs import PairTables
+from dembench.solver.soft import SKIN, step_options
+
+BIG_SKIN = 1.0
+"""Gap up to which bodies are partners of a large body, in smallest diameters."""
+BLOCK = 64
+"""Steps between two looks of the host at the flags."""
+THREADS = 256
+"""Threads of a block on CUDA devices."""
+
+
+class FullSpheres:
+    """Steps a state with full lists with the Hertz-Mindlin law; the interface is that of `soft.SoftSpheres`.
+
+    Attributes:
+        kernels: Kernels that must be loaded before the first step.
+    """
+
+    def __init__(self, scene: Scene, state: FullState, dt: float, precision: str, midpoint: bool):
+        self.state, self.dt = state, dt / state.units.time
+        state.skin, state.big_skin = SKIN * state.diameter, BIG_SKIN * state.diameter
+        self._step = full_kernels(step_options(scene, state, precision, midpoint))
+        self.kernels = [*vars(self._step).values(), *vars(state.sorting).values()]
+        tables, device = PairTables(scene, state.units, precision), state.device
+        self._tables = [tables.pairs.to(device), tables.pair_columns, tables.walls.to(device), tables.wall_columns]
+        self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
+        self._flags = wp.zeros(BLOCK + 2, dtype=wp.int32, device=device)
+        self._overlaps = wp.zeros(max(1, state.total), dtype=state.types.real, device=device)
+        self._graphs: dict[tuple[int, int, int], Any] = {}
+        # a pair that is not listed is at least a skin apart, so each of the two may use half of it
+        self._limit = 0.5 * state.skin
+        self._big_limit = state.big_skin - self._limit
+        self._drifted = False
+
+    def prepare(self) -> None:
+        """Builds the lists and evaluates the forces of the initial state, without growth of the contact springs."""
+        self.state.rebuild()
+        self._flags.zero_()
+        self._launch(0, NO_KICK, 0.0)
+
+    def advance(self, n: int) -> int:
+        """Makes up to n steps and returns how many; SolverError where a velocity is not finite."""
+        state = self.state
+        steps = min(n, BLOCK)
+        end = HALF_KICK if steps == n else DRIFT
+        self._flags.zero_()
+        if not self._drifted:
+            inputs = [state.n, self.dt, self._gravity, self._limit, self._big_limit, state.reference]
+            state.launch(self._step.begin, state.total, *inputs, state.bodies, self._flags)
+        self._block(steps, end)
+        flags = self._flags.numpy()
+        if flags[-1]:
+            raise SolverError("a velocity is not finite; the time step may be too large", reason="nan")
+        stopped = np.flatnonzero(flags[: steps + 1])
+        done = int(stopped[0]) if len(stopped) else steps
+        if done % 2:
+            wp.copy(state.bodies.kin, state.spare.kin)
+            wp.copy(state.bodies.spin, state.spare.spin)
+        self._drifted = bool(len(stopped)) or end == DRIFT
+        if len(stopped):
+            state.rebuild()
+        return done
+
+    def largest_overlap(self) -> float:
+        """Largest overlap of two bodies met in any step [scene units]."""
+        return float(self._overlaps.numpy().max())
+
+    def counters(self) -> dict[str, float]:
+        """Figures of this stepper beside those of the state."""
+        return {"slots per particle": self.state.slots}
+
+    def _block(self, steps: int, end: int) -> None:
+        """`steps` steps of which the last ends as `end` says; recorded once and replayed on CUDA devices."""
+        if not self.state.device.is_cuda:
+            self._launches(steps, end)
+            return
+        key = (steps, end, self.state.generation)
+        if key not in self._graphs:
+            self._graphs = {k: g for k, g in self._graphs.items() if k[2] == self.state.generation}
+            with wp.ScopedCapture(device=self.state.device) as capture:
+                self._launches(steps, end)
+            self._graphs[key] = capture.graph
+        wp.capture_launch(self._graphs[key])
+
+    def _launches(self, steps: int, end: int) -> None:
+        for s in range(steps):
+            self._launch(s, end if s == steps - 1 else DRIFT, self.dt)
+
+    def _launch(self, s: int, after: int, memory_dt: float) -> None:
+        t = self.state
+        ours, theirs = (t.spare, t.bodies) if s % 2 else (t.bodies, t.spare)
+        for kernel, threads, limit in (
+            (self._step.step, t.n, self._limit),
+            (self._step.step_big, t.big_rows, self._big_limit),
+        ):
+            if not threads:
+                continue
+            inputs = [s, after, memory_dt, self.dt, self._gravity, t.n, t.total, t.features, *self._tables]
+            inputs += [limit, t.reference, ours, t.lists, theirs, self._overlaps, self._flags]
+            if kernel is self._step.step:
+                wp.launch(kernel, dim=threads, inputs=inputs, device=t.device, block_dim=THREADS)
+            else:
+                wp.launch_tiled(kernel, dim=threads, inputs=inputs, device=t.device, block_dim=THREADS)
+
+
+def check_device(device: str, lists: str, method: str) -> None:
+    """Raises SolverError where a device is not there or cannot be combined with the lists or the method."""
+    if lists not in ("half", "full"):
+        raise SolverError(f"lists '{lists}' are not known; accepted are half, full")
+    known = [d.alias for d in wp.get_devices()]
+    if device not in known:
+        raise SolverError(f"device '{device}' is not there; accepted are {', '.join(known)}")
+    if lists == "half" and device != "cpu":
+        raise SolverError(f"half lists need device cpu, not {device}; accepted there is full")
+    if lists == "full" and method != "soft-sphere":
+        raise SolverError(f"the {method} solver needs device cpu and half lists")

@@ -1,0 +1,219 @@
+"""Full neighbour lists for devices of many threads: every body lists all its partners.
+
+One thread builds and uses the list of one body, slot q of body i at [q n + i], so that neighbouring threads read
+neighbouring words. The contact memory is kept on both sides of a pair and stands for the lower index against the higher.
+Bit 30 of an entry marks a partner that touched in the last step; only then is its memory valid.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.full_sort import cell_function
+from dembench.solver.neighbours import position_function
+from dembench.solver.types import types
+from dembench.solver.walls import wall_distance
+
+MARK = wp.constant(1 << 30)
+"""Added to an entry of a list while the two touch."""
+
+
+@cache
+def full_lists_type(precision: str) -> Any:
+    """Record of the lists.
+
+    partner, memory: slots of the small bodies, partner index and tangential spring, with `count` filled slots each.
+    wall, wall_memory, wall_count: the same for all bodies against wall features. big: candidates of the large bodies, those
+    of row r from big_start[r] to big_start[r + 1]; big_memory: spring and touching flag of row r and body i at [r total + i].
+    """
+    vec4: Any = types(precision).vec4
+
+    class FullLists:
+        partner: wp.array(dtype=wp.int32)
+        memory: wp.array(dtype=vec4)
+        count: wp.array(dtype=wp.int32)
+        wall: wp.array(dtype=wp.int32)
+        wall_memory: wp.array(dtype=vec4)
+        wall_count: wp.array(dtype=wp.int32)
+        big: wp.array(dtype=wp.int32)
+        big_start: wp.array(dtype=wp.int32)
+        big_memory: wp.array(dtype=vec4)
+
+    FullLists.__qualname__ = FullLists.__name__ = f"FullLists_{precision}"
+    return wp.struct(FullLists)
+
+
+@cache
+def full_list_kernels(precision: str, curved: bool, friction: bool) -> Any:
+    """Kernels that build full lists; each has one thread per body unless it says otherwise."""
+    t = types(precision)
+    vec4, Bodies, Wall = t.vec4, t.Bodies, t.Wall
+    FullLists = full_lists_type(precision)
+    distance_of = wall_distance(precision, curved)
+    position = position_function(precision)
+    cell_of = cell_function()
+
+    @wp.func
+    def enter(
+        k: int,
+        j: int,
+        found: int,
+        slots: int,
+        n: int,
+        order: wp.array(dtype=wp.int32),
+        old: FullLists,
+        lists: FullLists,
+    ):
+        """Writes partner j of body k into slot `found` where there is room, with the memory that the pair had."""
+        if found < slots:
+            i = order[k]
+            was = j
+            if j < n:
+                was = order[j]
+            entry = j + 0
+            for q in range(old.count[i]):
+                if old.partner[q * n + i] == was + MARK:
+                    entry = j + MARK
+                    if wp.static(friction):
+                        m = old.memory[q * n + i]
+                        if (i < was) != (k < j):
+                            m = -m
+                        lists.memory[found * n + k] = m
+            lists.partner[found * n + k] = entry
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def build(
+        # inputs
+        b: Bodies,
+        n: int,
+        total: int,
+        skin: wp.float64,
+        big_skin: wp.float64,
+        origin: wp.vec3d,
+        inverse: wp.float64,
+        axis: wp.vec3i,
+        cells: wp.vec3i,
+        start: wp.array(dtype=wp.int32),
+        order: wp.array(dtype=wp.int32),
+        old: FullLists,
+        slots: int,
+        # outputs
+        lists: FullLists,
+        overflow: wp.array(dtype=wp.int32),
+    ):
+        """Lists the partners of each small body; counts beyond the slots, too, and says so in overflow[0]."""
+        k = wp.tid()
+        x = position(b, k)
+        r = b.kin[k][6]
+        c = cell_of(x, origin, inverse, axis, cells)
+        found = int(0)
+        w0, w1 = wp.max(c[2] - 1, 0), wp.min(c[2] + 1, cells[2] - 1)
+        for u in range(wp.max(c[0] - 1, 0), wp.min(c[0] + 1, cells[0] - 1) + 1):
+            for v in range(wp.max(c[1] - 1, 0), wp.min(c[1] + 1, cells[1] - 1) + 1):
+                base = (u * cells[1] + v) * cells[2]
+                for j in range(start[base + w0], start[base + w1 + 1]):
+                    d = x - position(b, j)
+                    reach = r + b.kin[j][6] + skin
+                    if wp.dot(d, d) < reach * reach and j != k:
+                        enter(k, j, found, slots, n, order, old, lists)
+                        found += 1
+        for j in range(n, total):
+            d = x - position(b, j)
+            reach = r + b.kin[j][6] + big_skin
+            if wp.dot(d, d) < reach * reach:
+                enter(k, j, found, slots, n, order, old, lists)
+                found += 1
+        lists.count[k] = found
+        if found > slots:
+            overflow[0] = 1
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def build_walls(
+        # inputs
+        b: Bodies,
+        n: int,
+        total: int,
+        skin: wp.float64,
+        big_skin: wp.float64,
+        features: wp.array(dtype=Wall),
+        n_features: int,
+        order: wp.array(dtype=wp.int32),
+        old: FullLists,
+        slots: int,
+        # outputs
+        lists: FullLists,
+        overflow: wp.array(dtype=wp.int32),
+    ):
+        """Lists the wall features near each body; counts beyond the slots, too, and says so in overflow[1]."""
+        k = wp.tid()
+        i, reach = k, big_skin
+        if k < n:
+            i = order[k]
+            reach = skin
+        x = position(b, k)
+        r = b.kin[k][6]
+        found = int(0)
+        for f in range(n_features):
+            distance, _n = distance_of(features[f], x)
+            if distance - r < reach:
+                if found < slots:
+                    entry = f + 0
+                    for q in range(old.wall_count[i]):
+                        if old.wall[q * total + i] == f + MARK:
+                            entry = f + MARK
+                            if wp.static(friction):
+                                lists.wall_memory[found * total + k] = old.wall_memory[q * total + i]
+                    lists.wall[found * total + k] = entry
+                found += 1
+        lists.wall_count[k] = found
+        if found > slots:
+            overflow[1] = 1
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def flag_big(
+        # inputs
+        b: Bodies,
+        n: int,
+        total: int,
+        skin: wp.float64,
+        # outputs
+        near: wp.array(dtype=wp.int32),
+        big_memory: wp.array(dtype=vec4),
+    ):
+        """Flags the bodies within `skin` of each large body and clears the memory of all others; threads (row, body)."""
+        row, i = wp.tid()
+        j = n + row
+        d = position(b, i) - position(b, j)
+        reach = b.kin[i][6] + b.kin[j][6] + skin
+        near[row * total + i] = 0
+        if wp.dot(d, d) < reach * reach and i != j:
+            near[row * total + i] = 1
+        else:
+            big_memory[row * total + i] = vec4()
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def fill_big(
+        # inputs
+        total: int,
+        near: wp.array(dtype=wp.int32),
+        until: wp.array(dtype=wp.int32),
+        capacity: int,
+        # outputs
+        lists: FullLists,
+    ):
+        """Lists the flagged bodies in ascending order; the last of big_start is the room needed; threads (row, body)."""
+        row, i = wp.tid()
+        k = row * total + i
+        if near[k] == 1 and until[k] <= capacity:
+            lists.big[until[k] - 1] = i
+        if i == total - 1:
+            lists.big_start[row + 1] = until[k]
+
+    return SimpleNamespace(
+        build=build,
+        build_walls=build_walls,
+        flag_big=flag_big,
+        fill_big=fill_big,
+    )

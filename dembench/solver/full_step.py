@@ -1,0 +1,289 @@
+"""The soft-sphere step for devices of many threads: full lists, one thread per small body, one block per large body.
+
+A launch evaluates the forces at the current positions and then kicks and drifts into a second set of arrays, so that a
+step is one launch (two with large bodies) and needs no atomics: every sum has one owner and a fixed order. Both bodies of
+a pair evaluate it with identical arithmetic, in the order lower index, higher index, so they agree to the bit.
+
+Lists are exact as long as no body has left the ball of half a skin around where it was when they were built. The launch
+that takes a body out of it says so in `flags`, and all later launches of the block do nothing.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.full_lists import MARK, full_lists_type
+from dembench.solver.hertz import StepOptions, force_functions, lever_function
+from dembench.solver.pairs import pair_lookup
+from dembench.solver.types import types, vec8d
+
+NO_KICK, HALF_KICK, DRIFT = wp.constant(0), wp.constant(1), wp.constant(2)
+"""What a launch does after the forces: nothing (initial forces), end the step, or end it and begin the next."""
+
+
+@cache
+def full_kernels(o: StepOptions) -> Any:
+    """Kernels of the step: `begin` (half kick and drift from the stored forces), `step` and `step_big`.
+
+    flags (int32): s is set where the lists do not cover the positions before step s of the block, the last where a
+    velocity is not finite.
+    """
+    t = types(o.law.precision)
+    real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
+    Bodies, PairClass, Wall = t.Bodies, t.PairClass, t.Wall
+    FullLists = full_lists_type(o.law.precision)
+    pair, wall, spin = force_functions(o)
+    lever = lever_function(o)
+    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
+    walls, rotation, friction = o.walls, o.rotation, o.law.friction
+
+    @wp.func
+    def kick(k: vec8d, load: vec8, m: real, half: wp.float64, gravity: wp.vec3d):
+        """Half a step of acceleration."""
+        out = k * wp.float64(1.0)
+        if m > real(0.0):
+            out[3] = k[3] + half * (wp.float64(load[0] * m) + gravity[0])
+            out[4] = k[4] + half * (wp.float64(load[1] * m) + gravity[1])
+            out[5] = k[5] + half * (wp.float64(load[2] * m) + gravity[2])
+        return out
+
+    @wp.func
+    def finish(
+        i: int,
+        s: int,
+        kicks: int,
+        drift: bool,
+        load: vec8,
+        dt: wp.float64,
+        gravity: wp.vec3d,
+        limit: wp.float64,
+        reference: wp.array(dtype=wp.vec3d),
+        b: Bodies,
+        b_out: Bodies,
+        flags: wp.array(dtype=wp.int32),
+    ):
+        """Half kicks and the drift of body i into b_out; sets flags[s] where the body leaves its ball."""
+        k = b.kin[i] * wp.float64(1.0)
+        w = b.spin[i] * real(1.0)
+        half = dt * wp.float64(0.5)
+        g = real(half) * b.inv_i[i]
+        turn = vec4(g * load[4], g * load[5], g * load[6], real(0.0))
+        for _ in range(kicks):
+            k = kick(k, load, b.inv_m[i], half, gravity)
+            if wp.static(rotation):
+                w = w + turn
+        if drift:
+            x = wp.vec3d(k[0] + dt * k[3], k[1] + dt * k[4], k[2] + dt * k[5])
+            k = vec8d(x[0], x[1], x[2], k[3], k[4], k[5], k[6], k[7])
+            moved = x - reference[i]
+            if not wp.dot(moved, moved) <= limit * limit:
+                flags[s] = 1
+            if not wp.isfinite(k[3] * k[3] + k[4] * k[4] + k[5] * k[5]):
+                flags[s] = 1
+                flags[flags.shape[0] - 1] = 1
+        b_out.kin[i] = k
+        b_out.spin[i] = w
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def begin(
+        # inputs
+        n: int,
+        dt: wp.float64,
+        gravity: wp.vec3d,
+        limit: wp.float64,
+        big_limit: wp.float64,
+        reference: wp.array(dtype=wp.vec3d),
+        # outputs
+        b: Bodies,
+        flags: wp.array(dtype=wp.int32),
+    ):
+        """Half kick from the stored forces, and drift: what DRIFT leaves to do after HALF_KICK."""
+        i = wp.tid()
+        reach = limit
+        if i >= n:
+            reach = big_limit
+        finish(i, 0, 1, True, b.load[i], dt, gravity, reach, reference, b, b, flags)
+
+    @wp.func
+    def touch(
+        b: Bodies,
+        i: int,
+        j: int,
+        memory: vec4,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
+    ):
+        """Load of body i against body j, the memory after, and the overlap (0 where they are apart)."""
+        a, c, sign = i, j, real(1.0)
+        if j < i:
+            a, c, sign = j, i, real(-1.0)
+        ka, kc = b.kin[a], b.kin[c]
+        wa, wc = vec3(), vec3()
+        if wp.static(friction):
+            wa, wc = spin(b, a), spin(b, c)
+        f, torque, after, overlap = pair(ka, kc, wa, wc, memory, of_pair(b, a, c, table, columns), dt)
+        f = sign * f
+        arm = lever(b.kin[i], overlap)
+        z = real(0.0)
+        load = vec8(f[0], f[1], f[2], z, -arm * torque[0], -arm * torque[1], -arm * torque[2], z)
+        return load, after, overlap
+
+    @wp.func
+    def apart(b: Bodies, i: int, j: int):
+        ki, kj = b.kin[i], b.kin[j]
+        d = wp.vec3d(ki[0] - kj[0], ki[1] - kj[1], ki[2] - kj[2])
+        reach = ki[6] + kj[6]
+        return wp.dot(d, d) >= reach * reach
+
+    @wp.func
+    def wall_load(
+        b: Bodies,
+        lists: FullLists,
+        i: int,
+        total: int,
+        features: wp.array(dtype=Wall),
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
+    ):
+        """Load of body i against the wall features in its list."""
+        sum = vec8()
+        z = real(0.0)
+        for q in range(lists.wall_count[i]):
+            slot = q * total + i
+            entry = lists.wall[slot]
+            k = entry & (MARK - 1)
+            memory = vec4()
+            if wp.static(friction):
+                if entry >= MARK:
+                    memory = lists.wall_memory[slot]
+            f, torque, after, overlap = wall(b, i, features[k], memory, table, columns, dt)
+            if overlap > z:
+                arm = lever(b.kin[i], overlap)
+                sum = sum + vec8(f[0], f[1], f[2], z, -arm * torque[0], -arm * torque[1], -arm * torque[2], z)
+                if wp.static(friction):
+                    lists.wall_memory[slot] = after
+                lists.wall[slot] = k + MARK
+            elif entry >= MARK:
+                lists.wall[slot] = k
+        return sum
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def step(
+        # inputs
+        s: int,
+        after: int,
+        memory_dt: real,
+        dt: wp.float64,
+        gravity: wp.vec3d,
+        n: int,
+        total: int,
+        features: wp.array(dtype=Wall),
+        pair_table: wp.array(dtype=PairClass),
+        pair_columns: int,
+        wall_table: wp.array(dtype=PairClass),
+        wall_columns: int,
+        limit: wp.float64,
+        reference: wp.array(dtype=wp.vec3d),
+        b: Bodies,
+        # outputs
+        lists: FullLists,
+        b_out: Bodies,
+        overlaps: wp.array(dtype=real),
+        flags: wp.array(dtype=wp.int32),
+    ):
+        """Forces on the small bodies, then as `after` says."""
+        i = wp.tid()
+        if flags[s] != 0:
+            flags[s + 1] = 1
+            return
+        sum = vec8()
+        largest = real(0.0)
+        for q in range(lists.count[i]):
+            slot = q * n + i
+            entry = lists.partner[slot]
+            j = entry & (MARK - 1)
+            overlap = real(0.0)
+            if not apart(b, i, j):
+                memory = vec4()
+                if wp.static(friction):
+                    if entry >= MARK:
+                        memory = lists.memory[slot]
+                load, spring, overlap = touch(b, i, j, memory, pair_table, pair_columns, memory_dt)
+                if overlap > real(0.0):
+                    sum = sum + load
+                    largest = wp.max(largest, overlap)
+                    if wp.static(friction):
+                        lists.memory[slot] = spring
+                    if entry < MARK:
+                        lists.partner[slot] = j + MARK
+            if overlap == real(0.0) and entry >= MARK:
+                lists.partner[slot] = j
+        if wp.static(walls):
+            sum = sum + wall_load(b, lists, i, total, features, wall_table, wall_columns, memory_dt)
+        if largest > overlaps[i]:
+            overlaps[i] = largest
+        b.load[i] = sum
+        finish(i, s + 1, after, after == DRIFT, sum, dt, gravity, limit, reference, b, b_out, flags)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def step_big(
+        # inputs
+        s: int,
+        after: int,
+        memory_dt: real,
+        dt: wp.float64,
+        gravity: wp.vec3d,
+        n: int,
+        total: int,
+        features: wp.array(dtype=Wall),
+        pair_table: wp.array(dtype=PairClass),
+        pair_columns: int,
+        wall_table: wp.array(dtype=PairClass),
+        wall_columns: int,
+        limit: wp.float64,
+        reference: wp.array(dtype=wp.vec3d),
+        b: Bodies,
+        # outputs
+        lists: FullLists,
+        b_out: Bodies,
+        overlaps: wp.array(dtype=real),
+        flags: wp.array(dtype=wp.int32),
+    ):
+        """The same for the large bodies: the threads of a block share the candidates of one body."""
+        row, lane = wp.tid()
+        i = n + row
+        going = flags[s] == 0
+        sum = vec8()
+        largest = real(0.0)
+        if going:
+            for q in range(lists.big_start[row] + lane, lists.big_start[row + 1], wp.block_dim()):
+                j = lists.big[q]
+                slot = row * total + j
+                if not apart(b, i, j):
+                    memory = lists.big_memory[slot]
+                    load, spring, overlap = touch(b, i, j, memory, pair_table, pair_columns, memory_dt)
+                    if overlap > real(0.0):
+                        sum = sum + load
+                        largest = wp.max(largest, overlap)
+                    lists.big_memory[slot] = spring
+                else:
+                    lists.big_memory[slot] = vec4()
+        loads = wp.tile_sum(wp.tile(sum, preserve_type=True))
+        deepest = wp.tile_max(wp.tile(largest))
+        if lane == 0:
+            if going:
+                load = loads[0]
+                if wp.static(walls):
+                    load = load + wall_load(b, lists, i, total, features, wall_table, wall_columns, memory_dt)
+                if deepest[0] > overlaps[i]:
+                    overlaps[i] = deepest[0]
+                b.load[i] = load
+                finish(i, s + 1, after, after == DRIFT, load, dt, gravity, limit, reference, b, b_out, flags)
+            else:
+                flags[s + 1] = 1
+
+    return SimpleNamespace(begin=begin, step=step, step_big=step_big)
