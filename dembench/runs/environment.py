@@ -61,10 +61,10 @@ def environment(cores: Sequence[int], busy: float | None) -> dict[str, Any]:
     return {**machine(), "pinned_to": list(cores), "load": load, "busy_before": busy}
 
 
-def busy_share(cores: Sequence[int], interval: float = 0.3) -> float | None:
-    """Largest share of one of the cores that is in use, measured over `interval` seconds [-]."""
+def busy_shares(cores: Sequence[int], interval: float = 0.3) -> dict[int, float]:
+    """Share of each core that is in use, measured over `interval` seconds [-]."""
     shares = psutil.cpu_percent(interval, percpu=True)
-    return max((shares[core] / 100 for core in cores if core < len(shares)), default=None)
+    return {core: shares[core] / 100 for core in cores if core < len(shares)}
 
 
 def contended(busy: float | None, waited: float | None, cpu: float) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dembench.runs.directory import Occupied
+from dembench.runs.environment import busy_shares
 from dembench.runs.plan import PlannedRun
 from dembench.runs.states import Status
 from dembench.runs.supervise import Progress, Supervisor, missing, skipped
@@ -87,7 +88,8 @@ class Scheduler:
             devices = {other.run.spec.device for other in self._running} - {"cpu"}
             if spec.cores > len(self._free) or spec.device in devices:
                 return
-            cores, self._free = self._free[: spec.cores], self._free[spec.cores :]
+            cores = _quietest(self._free, spec.cores)
+            self._free = [core for core in self._free if core not in cores]
             self._waiting.pop(0)
             self._running.append(job)
             threading.Thread(target=self._carry_out, args=(job, cores), name=spec.name()).start()
@@ -120,3 +122,11 @@ class Scheduler:
             if directory.supervisor() == os.getpid():
                 directory.write_status(status)
             return status
+
+
+def _quietest(free: Sequence[int], count: int) -> list[int]:
+    """Those of the free cores that other programs use least: they may be pinned too."""
+    if count == len(free):
+        return list(free)
+    shares = busy_shares(free)
+    return sorted(sorted(free, key=lambda core: round(shares.get(core, 0.0), 1))[:count])

@@ -146,7 +146,7 @@ class Supervisor:
     def _carry_out(self, begin: float) -> tuple[Ended | None, Failure | None]:
         """Writes the deck and runs its phases up to the first that does not end well."""
         run, paths = self._run, self._run.directory
-        busy = environment.busy_share(self._cores)
+        busy = max(environment.busy_shares(self._cores).values(), default=None)
         self._environment = {
             **environment.environment(self._cores, busy),
             "engine": run.probe.model_dump(mode="json"),

@@ -267,6 +267,13 @@ def test_runs_at_the_same_time_have_cores_of_their_own(standin, planned):
     assert {j.status.state for j in jobs.values()} == {"ok"}
 
 
+def test_the_quietest_core_is_chosen(standin, planned, monkeypatch):
+    busy = dict.fromkeys(available_cores()[:-1], 1.0)
+    monkeypatch.setattr("dembench.runs.scheduler.busy_shares", lambda cores: busy)
+    job = _schedule(planned("standin"))["standin"]
+    assert find_runs(job.run.directory.path)[0].environment["pinned_to"] == [available_cores()[-1]]
+
+
 def test_the_engine_runs_on_its_cores_only(standin, planned):
     standin(standin=["hang", 5])
     (run,) = planned("standin")
