@@ -1,4 +1,4 @@
-"""The soft-sphere stepper with full lists: launches blocks of steps, and rebuilds the lists when a block asks for it."""
+"""The soft-sphere stepper with full lists: launches blocks of steps, rebuilds the lists when a block asks for it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FullSpheres:
         self.state, self.dt = state, dt / state.units.time
         state.skin, state.big_skin = SKIN * state.diameter, BIG_SKIN * state.diameter
         self._step = full_kernels(step_options(scene, state, precision, midpoint))
-        self.kernels = [*vars(self._step).values(), *vars(state.sorting).values()]
+        self.kernels = [self._step.begin, self._step.step] + [self._step.step_big] * bool(state.big_rows)
         tables, device = PairTables(scene, state.units, precision), state.device
         self._tables = [tables.pairs.to(device), tables.pair_columns, tables.walls.to(device), tables.wall_columns]
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))

@@ -1,8 +1,8 @@
 """Full neighbour lists for devices of many threads: every body lists all its partners.
 
 One thread builds and uses the list of one body, slot q of body i at [q n + i], so that neighbouring threads read
-neighbouring words. The contact memory is kept on both sides of a pair and stands for the lower index against the higher.
-Bit 30 of an entry marks a partner that touched in the last step; only then is its memory valid.
+neighbouring words. The contact memory is kept on both sides of a pair, for the lower index against the higher. Bit 30
+of an entry marks a partner that touched in the last step; only then is its memory valid.
 """
 
 from functools import cache
@@ -25,8 +25,9 @@ def full_lists_type(precision: str) -> Any:
     """Record of the lists.
 
     partner, memory: slots of the small bodies, partner index and tangential spring, with `count` filled slots each.
-    wall, wall_memory, wall_count: the same for all bodies against wall features. big: candidates of the large bodies, those
-    of row r from big_start[r] to big_start[r + 1]; big_memory: spring and touching flag of row r and body i at [r total + i].
+    wall, wall_memory, wall_count: the same for all bodies against wall features. big: candidates of the large bodies,
+    those of row r from big_start[r] to big_start[r + 1]; big_memory: spring and touching flag of row r and body i at
+    [r total + i].
     """
     vec4: Any = types(precision).vec4
 
@@ -182,13 +183,16 @@ def full_list_kernels(precision: str, curved: bool, friction: bool) -> Any:
         near: wp.array(dtype=wp.int32),
         big_memory: wp.array(dtype=vec4),
     ):
-        """Flags the bodies within `skin` of each large body and clears the memory of all others; threads (row, body)."""
+        """Flags the bodies within `skin` of each large body, and all other large ones; clears the memory of the rest.
+
+        Threads (row, body).
+        """
         row, i = wp.tid()
         j = n + row
         d = position(b, i) - position(b, j)
         reach = b.kin[i][6] + b.kin[j][6] + skin
         near[row * total + i] = 0
-        if wp.dot(d, d) < reach * reach and i != j:
+        if i != j and (i >= n or wp.dot(d, d) < reach * reach):
             near[row * total + i] = 1
         else:
             big_memory[row * total + i] = vec4()
@@ -203,7 +207,10 @@ def full_list_kernels(precision: str, curved: bool, friction: bool) -> Any:
         # outputs
         lists: FullLists,
     ):
-        """Lists the flagged bodies in ascending order; the last of big_start is the room needed; threads (row, body)."""
+        """Lists the flagged bodies in ascending order; the last of big_start is the room needed.
+
+        Threads (row, body).
+        """
         row, i = wp.tid()
         k = row * total + i
         if near[k] == 1 and until[k] <= capacity:

@@ -87,7 +87,11 @@ def sort_kernels(precision: str) -> Any:
     ):
         """First sorted particle of each cell, one thread per cell and one more."""
         c = wp.tid()
-        start[c] = wp.lower_bound(cell, 0, n, c)
+        first = wp.lower_bound(cell, 0, n, c)
+        # beyond the last particle lower_bound answers with the last one
+        if cell[first] < c:
+            first += 1
+        start[c] = first
 
     @wp.kernel(enable_backward=False, module="unique")
     def permute(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,12 @@ from dembench.scene import Scene, features
 from dembench.solver.full_lists import full_list_kernels, full_lists_type
 from dembench.solver.full_sort import CHUNKS, sort_kernels
 from dembench.solver.state import State
-from dembench.solver.types import vec8d
 from dembench.solver.units import Units
 
 SLOTS = 20
-"""Partners of a body that there is room for at first; equal spheres in a dense bed have up to 18 within a skin of 0.2."""
+"""Partners of a body that there is room for at first: what a dense bed of equal spheres needs; lists grow beyond it."""
+BIG_ROOM = 4096
+"""Candidates of the large bodies that there is room for at first."""
 
 
 class FullState(State):
@@ -25,7 +27,7 @@ class FullState(State):
         device: Where the arrays are.
         n, total, bodies, lists, diameter, skin: As in `State`; the current state is always in `bodies`.
         spare: Bodies with arrays of their own for position, velocity and spin, that a step writes.
-        big_skin: Gap up to which bodies are partners of a large body [scene units]; set by the stepper before a rebuild.
+        big_skin: Gap up to which bodies are partners of a large body [scene units]; set by the stepper.
         reference: Positions at the last rebuild.
         generation: Grows when arrays of the lists are replaced by larger ones.
         slots, wall_slots, big_capacity: Room in the lists.
@@ -39,8 +41,9 @@ class FullState(State):
         super().__init__(scene, units, precision, threads=1)
         curved = bool(self.n_walls) and any(int(f["shape"]) != 0 for f in self.features.numpy())
         self.features = self.features.to(self.device)
-        self.kernels = full_list_kernels(precision, curved, self.friction)
-        self.sorting = sort_kernels(precision)
+        kernels = {**vars(sort_kernels(precision)), **vars(full_list_kernels(precision, curved, self.friction))}
+        unused = ["build_walls"] * (not self.n_walls) + ["flag_big", "fill_big"] * (not self.big_rows)
+        self.kernels = SimpleNamespace(**{name: k for name, k in kernels.items() if name not in unused})
 
     # ---- allocation
 
@@ -71,7 +74,7 @@ class FullState(State):
         self._overflow = self._new(2, wp.int32)
         self._near, self._until = self._new(rows * total, wp.int32), self._new(rows * total, wp.int32)
         self.slots, self.wall_slots = SLOTS, min(self.n_walls, 4)
-        self.big_capacity = 4096 if rows else 0
+        self.big_capacity = BIG_ROOM if rows else 0
         self.lists, self._old = full_lists_type(self.types.precision)(), full_lists_type(self.types.precision)()
         for lists in (self.lists, self._old):
             lists.count, lists.wall_count = self._new(n, wp.int32), self._new(total, wp.int32)
@@ -113,18 +116,18 @@ class FullState(State):
         wp.launch(kernel, dim=dim, inputs=list(arguments), device=self.device)
 
     def _sort(self) -> tuple[Any, ...]:
-        n, b, sorting = self.n, self.bodies, self.sorting
-        self.launch(sorting.bounds, CHUNKS, b, n, self.low, self.high)
+        n, b, kernels = self.n, self.bodies, self.kernels
+        self.launch(kernels.bounds, CHUNKS, b, n, self.low, self.high)
         grid = self.grid(self.low.numpy().min(axis=0), self.high.numpy().max(axis=0))
         cells = int(np.prod(list(grid[3])))
         self.start = self._new(cells + 1, wp.int32)
-        self.launch(sorting.key, n, b, *grid, self.cell, self.order)
+        self.launch(kernels.key, n, b, *grid, self.cell, self.order)
         wp.utils.radix_sort_pairs(self.cell, self.order, n)
-        self.launch(sorting.cell_starts, cells + 1, n, self.cell, self.start)
+        self.launch(kernels.cell_starts, cells + 1, n, self.cell, self.start)
         moved, lists, old = self._moved, self.lists, self._old
         inputs = [n, self.total, self.big_rows, self.order, b, self.identity, lists.big_memory]
         outputs = [moved, self._identity_moved, old.big_memory, self.reference]
-        self.launch(sorting.permute, self.total, *inputs, *outputs)
+        self.launch(kernels.permute, self.total, *inputs, *outputs)
         # recorded launches hold the addresses of the arrays, so the state goes back to where it was
         for name in ("kin", "spin", "inv_m", "inv_i", "kind"):
             wp.copy(getattr(b, name), getattr(moved, name))

@@ -1,8 +1,8 @@
 """The soft-sphere step for devices of many threads: full lists, one thread per small body, one block per large body.
 
 A launch evaluates the forces at the current positions and then kicks and drifts into a second set of arrays, so that a
-step is one launch (two with large bodies) and needs no atomics: every sum has one owner and a fixed order. Both bodies of
-a pair evaluate it with identical arithmetic, in the order lower index, higher index, so they agree to the bit.
+step is one launch (two with large bodies) and needs no atomics: every sum has one owner and a fixed order. Both bodies
+of a pair evaluate it with identical arithmetic, in the order lower index, higher index, so they agree to the bit.
 
 Lists are exact as long as no body has left the ball of half a skin around where it was when they were built. The launch
 that takes a body out of it says so in `flags`, and all later launches of the block do nothing.

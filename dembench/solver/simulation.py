@@ -32,8 +32,8 @@ class Simulation:
             friction of the pair laws).
         velocity_sweeps, position_sweeps: Largest number of sweeps per step of the impulse solver.
         device: "cpu", or a CUDA device such as "cuda:0" for the soft-sphere solver.
-        lists: Neighbour lists of the soft-sphere solver: "half" (threads of the CPU) or "full" (CUDA devices; also runs on the
-            CPU, with one thread). None takes what the device needs.
+        lists: Neighbour lists of the soft-sphere solver: "half" (threads of the CPU) or "full" (CUDA devices; also runs
+            on the CPU, with one thread). None takes what the device needs.
 
     Attributes:
         steps: Steps made.

@@ -151,6 +151,8 @@ class State:
         kin[:, 0:3] = position[ids] / u.length
         kin[:, 3:6] = velocity[ids] / u.velocity
         turn[:, 0:3] = spin[ids] * u.time
+        self.bodies.kin.assign(kin)
+        self.bodies.spin.assign(turn)
 
     def read(self, name: str, first: int, scale: float) -> np.ndarray:
         """Three columns of kin, spin or load in the scene's order, times a unit, shape (n, 3), float64."""
@@ -194,7 +196,7 @@ class State:
         return grid
 
     def grid(self, low: np.ndarray, high: np.ndarray) -> tuple[Any, ...]:
-        """Cells of the small bodies within a box: origin, 1/edge, axes from the longest to the shortest, cells per axis."""
+        """Cells of the small bodies in a box: origin, 1/edge, axes from the longest to the shortest, cells per axis."""
         if not (np.isfinite(low).all() and np.isfinite(high).all()):
             low, high = np.zeros(3), np.ones(3)
         edge = (self.reach + self.skin) * (1 + 1e-9)
@@ -312,7 +314,7 @@ class State:
 
     def memory_bytes(self) -> int:
         """Bytes held by all arrays of the state."""
-        records = (self.bodies, self._spare, self.lists, self._old)
+        records = [r for r in vars(self).values() if hasattr(r, "_cls")]
         arrays = {id(a): a for r in records for a in (getattr(r, k) for k in r._cls.vars)}
         own = {id(a): a for a in vars(self).values() if isinstance(a, wp.array)}
         return sum(a.capacity for a in {**arrays, **own}.values())
