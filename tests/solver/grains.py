@@ -1,0 +1,69 @@
+"""Scenes of a few grains, for closed forms of one contact, of a few, and for small piles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from dembench.scene import Bodies, Domain, HertzMindlin, Material, PairLaw, Plane, Scene, Species
+
+RADIUS, DENSITY, YOUNG, POISSON = 1e-3, 2500.0, 1e7, 0.2
+FLOOR = Plane(name="floor", material="grain", point=(0, 0, 0), normal=(0, 0, 1))
+
+
+def grains(
+    position: Any,
+    velocity: Any = None,
+    spin: Any = None,
+    *,
+    radius: float | Sequence[float] = RADIUS,
+    species: Any = None,
+    young: float = YOUNG,
+    poisson: float = POISSON,
+    density: float = DENSITY,
+    restitution: float = 0.5,
+    friction: float = 0.3,
+    variant: str = "reference",
+    dt: float = 1e-6,
+    **changes: Any,
+) -> Scene:
+    """Grains of one material [SI units] without gravity; several radii make several species, chosen by `species`."""
+    radii = [radius] if isinstance(radius, int | float) else list(radius)
+    fields: dict[str, Any] = {
+        "name": "grains",
+        "law": HertzMindlin(variant=variant),
+        "materials": (Material(name="grain", density=density, young=young, poisson=poisson),),
+        "pair_laws": (PairLaw(a="grain", b="grain", restitution=restitution, friction=friction),),
+        "species": tuple(Species(name=f"grain{k}", material="grain", radius=r) for k, r in enumerate(radii)),
+        "bodies": Bodies(position=position, velocity=velocity, angular_velocity=spin, species=species),
+        "domain": Domain(lower=(-1e6,) * 3, upper=(1e6,) * 3),
+        "gravity": (0, 0, 0),
+        "duration": 0.016,
+        "time_step": dt,
+    }
+    return Scene(**{**fields, **changes})
+
+
+def gas(
+    n: int, seed: int = 0, speed: float = 1.0, radius: float = RADIUS, spacing: float = 2.5
+) -> tuple[Any, Any, Any]:
+    """Positions [m], velocities [m/s] and spins [rad/s] of n grains on a jittered lattice that fly at random."""
+    random = np.random.default_rng(seed)
+    edge = int(np.ceil(n ** (1 / 3)))
+    lattice = np.stack(np.meshgrid(*[np.arange(edge)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:n]
+    position = (lattice * spacing + random.uniform(-0.2, 0.2, (n, 3))) * radius
+    return position, speed * random.normal(size=(n, 3)), speed / radius * random.normal(size=(n, 3))
+
+
+def hertz(scene: Scene, overlap: float, reduced_radius: float) -> float:
+    """Hertz force [N] of two grains of the material of `grains` or of a grain on a wall."""
+    m = scene.materials[0]
+    return 4 / 3 * m.young / (2 * (1 - m.poisson**2)) * np.sqrt(reduced_radius) * overlap**1.5
+
+
+def resting_overlap(scene: Scene) -> float:
+    """Overlap [m] of the first grain at rest on a plane under its own weight."""
+    weight = float(scene.masses()[0]) * float(np.linalg.norm(scene.gravity))
+    return (weight / hertz(scene, 1.0, float(scene.radii()[0]))) ** (2 / 3)
