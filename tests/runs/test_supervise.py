@@ -146,9 +146,9 @@ def _gone(pid):
 @pytest.mark.parametrize("mode", ["hang", "ignore"])
 def test_a_timeout_ends_the_whole_process_tree(standin, planned, mode):
     standin(standin=[mode, 5])
-    (run,) = planned("standin", timeout=1.5)
+    (run,) = planned("standin", timeout=4)
     status = supervise(run)
-    assert status.state == "timeout" and "1.5 s" in status.detail
+    assert status.state == "timeout" and "4 s" in status.detail
     assert len(_pids(run)) == 2
     for pid in _pids(run):
         wait_for(lambda pid=pid: _gone(pid))
@@ -261,9 +261,8 @@ def test_runs_at_the_same_time_have_cores_of_their_own(standin, planned):
     jobs = _schedule(planned("standin", "standin-coarse"), at_once=2)
     pinned = [find_runs(j.run.directory.path)[0].environment["pinned_to"] for j in jobs.values()]
     assert all(len(cores) == 1 for cores in pinned)
-    started = [j.status.started for j in jobs.values()]
-    if len(available_cores()) > 1 and started[0] == started[1]:
-        assert pinned[0] != pinned[1]
+    if len(available_cores()) > 1:
+        assert pinned[0] != pinned[1], "both start at once"
     assert {j.status.state for j in jobs.values()} == {"ok"}
 
 
