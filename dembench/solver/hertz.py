@@ -13,8 +13,8 @@ import warp as wp
 
 from dembench.solver.laws import LawOptions, contact_force
 from dembench.solver.neighbours import near_functions
-from dembench.solver.pairs import ONE, pair_lookup
-from dembench.solver.sync import barrier, prefetch_function
+from dembench.solver.pairs import ONE, RADII, pair_lookup
+from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls import wall_distance
 
@@ -32,6 +32,7 @@ class StepOptions:
     Attributes:
         law: Options of the contact law.
         pairs: How pair constants are looked up.
+        alike: Whether all small bodies are of one kind, so that their pairs share one row of the table.
         walls, curved, moving, bigs: Whether there are walls, mantles, wall motions and large bodies.
         rotation: Whether spins are integrated.
         threads: Whether several threads share the step.
@@ -39,6 +40,7 @@ class StepOptions:
 
     law: LawOptions = field(default_factory=LawOptions)
     pairs: str = ONE
+    alike: bool = True
     walls: bool = False
     curved: bool = False
     moving: bool = False
@@ -142,11 +144,14 @@ def advance_kernel(o: StepOptions) -> Any:
     Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
     pair, wall, spin = force_functions(o)
     lever = lever_function(o)
-    prefetch = prefetch_function(Bodies)
+    rows = row_functions(Bodies, vec8, Lists, vec4)
+    kin_of, spin_of, add_load, prefetch = rows.kin, rows.spin, rows.add_load, rows.prefetch
+    memory_of, set_memory, entry = rows.memory_of, rows.set_memory, rows.entry
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     near = near_functions(o.law.precision)
     pick_near, pick_big = near.pick_near, near.pick_big
     walls, bigs, rotation, threads, friction = o.walls, o.bigs, o.rotation, o.threads, o.law.friction
+    alike = o.alike and o.pairs != RADII
 
     @wp.func
     def kick(b: Bodies, i: int, k: vec8d, times: int, half: wp.float64, gravity: wp.vec3d):
@@ -204,34 +209,42 @@ def advance_kernel(o: StepOptions) -> Any:
         ki = vec8d()
         wi = vec3()
         total = vec8()
+        c = PairClass()
+        if wp.static(alike):
+            if count > 0:
+                c = of_pair(b, lists.i[lists.near[base]], lists.j[lists.near[base]], table, columns)
         for q in range(count):
-            k = lists.near[base + q]
-            i, j = lists.i[k], lists.j[k]
+            k = entry(lists.near, base + q)
+            i, j = entry(lists.i, k), entry(lists.j, k)
             if q + PREFETCH < count:
-                prefetch(b, lists.j[lists.near[base + q + PREFETCH]])
+                prefetch(b, entry(lists.j, entry(lists.near, base + q + PREFETCH)))
             if i != current:
                 if current >= 0:
-                    b.load[current] = b.load[current] + total
+                    add_load(b, current, total)
                 current = i + 0
-                ki = b.kin[i] * wp.float64(1.0)
+                ki = kin_of(b, i)
                 if wp.static(friction):
-                    wi = spin(b, i)
+                    w = spin_of(b, i)
+                    wi = vec3(w[0], w[1], w[2])
                 total = vec8()
-            kj = b.kin[j]
+            kj = kin_of(b, j)
             wj = vec3()
             if wp.static(friction):
-                wj = spin(b, j)
-            c = of_pair(b, i, j, table, columns)
-            f, torque, after, overlap = pair(ki, kj, wi, wj, lists.memory[k], c, dt)
+                u = spin_of(b, j)
+                wj = vec3(u[0], u[1], u[2])
+            if wp.static(not alike):
+                c = of_pair(b, i, j, table, columns)
+            memory = memory_of(lists, k)
+            f, torque, after, overlap = pair(ki, kj, wi, wj, memory, c, dt)
             if overlap > real(0.0):
                 total = total + load_of(f, torque, lever(ki, overlap))
-                b.load[j] = b.load[j] + load_of(-f, torque, lever(kj, overlap))
-                lists.memory[k] = after
+                add_load(b, j, load_of(-f, torque, lever(kj, overlap)))
+                set_memory(lists, k, after)
                 largest = wp.max(largest, overlap)
-            elif lists.memory[k][3] != real(0.0):
-                lists.memory[k] = vec4()
+            elif memory[3] != real(0.0):
+                set_memory(lists, k, vec4())
         if current >= 0:
-            b.load[current] = b.load[current] + total
+            add_load(b, current, total)
         return largest
 
     @wp.func

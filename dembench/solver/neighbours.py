@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.sync import row_functions
 from dembench.solver.types import types
 from dembench.solver.walls import wall_distance
 
@@ -284,6 +285,9 @@ def near_functions(precision: str) -> Any:
     t = types(precision)
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
     position = position_function(precision)
+    native = row_functions(Bodies, t.vec8, Lists, vec4)
+    kin, entry, set_entry = native.kin, native.entry, native.set_entry
+    memory_of, set_memory = native.memory_of, native.set_memory
 
     @wp.func
     def pick_near(b: Bodies, lists: Lists, base: int, count: int, skin: wp.float64):
@@ -291,14 +295,14 @@ def near_functions(precision: str) -> Any:
         found = int(0)
         for q in range(count):
             k = base + q
-            i, j = lists.i[k], lists.j[k]
-            d = position(b, i) - position(b, j)
-            reach = b.kin[i][6] + b.kin[j][6] + skin
-            if wp.dot(d, d) < reach * reach:
-                lists.near[base + found] = k
+            ki, kj = kin(b, entry(lists.i, k)), kin(b, entry(lists.j, k))
+            d = ki - kj
+            reach = ki[6] + kj[6] + skin
+            if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < reach * reach:
+                set_entry(lists.near, base + found, k)
                 found += 1
-            elif lists.memory[k][3] != real(0.0):
-                lists.memory[k] = vec4()
+            elif memory_of(lists, k)[3] != real(0.0):
+                set_memory(lists, k, vec4())
         return found
 
     @wp.func

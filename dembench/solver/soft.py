@@ -42,8 +42,12 @@ class SoftSpheres:
     def prepare(self) -> None:
         """Builds the lists and evaluates the forces of the initial state, without growth of the contact springs."""
         self._rebuild()
-        self._flags.numpy()[4] = 1
+        flags = self._flags.numpy()
+        flags[4] = 1
         self._launch(0, 0.0)
+        while flags[3] == BIG_OVERFLOW:
+            self._grow_big()
+            self._launch(0, 0.0)
 
     def advance(self, n: int) -> int:
         """Makes up to n steps, at least one, and returns how many; SolverError where a velocity is not finite."""
@@ -55,8 +59,7 @@ class SoftSpheres:
         if reason == REBUILD:
             self._rebuild()
         elif reason == BIG_OVERFLOW:
-            self.state.grow_big()
-            self._travel.numpy()[2] = -1.0
+            self._grow_big()
         elif reason == DONE and done == 0:
             raise SolverError("the solver makes no progress")
         return done
@@ -72,6 +75,10 @@ class SoftSpheres:
     def _rebuild(self) -> None:
         self.state.rebuild()
         self._travel.numpy()[:3] = 0.0, -1.0, -1.0
+
+    def _grow_big(self) -> None:
+        self.state.grow_big()
+        self._travel.numpy()[2] = -1.0
 
     def _launch(self, steps: int, memory_dt: float) -> None:
         s, t = self.state, self._tables
@@ -110,6 +117,7 @@ def step_options(scene: Scene, state: State, precision: str, midpoint: bool) -> 
     return StepOptions(
         law=law,
         pairs=lookup_mode(scene),
+        alike=state.alike(),
         walls=has.walls,
         curved=has.curved_walls,
         moving=has.moving_walls,

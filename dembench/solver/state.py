@@ -161,6 +161,10 @@ class State:
         out[self.identity.numpy()[: self.total]] = values
         return out * scale
 
+    def alike(self) -> bool:
+        """Whether all small bodies are of one kind."""
+        return len(np.unique(self.bodies.kind.numpy()[: self.n])) <= 1
+
     # ---- rebuild
 
     def rebuild(self) -> None:
