@@ -16,6 +16,8 @@ from dembench.solver.units import Units
 
 SLOTS = 20
 """Partners of a body that there is room for at first: what a dense bed of equal spheres needs; lists grow beyond it."""
+WALL_SLOTS = 4
+"""Wall features near a body that there is room for at first."""
 BIG_ROOM = 4096
 """Candidates of the large bodies that there is room for at first."""
 
@@ -73,7 +75,7 @@ class FullState(State):
         self.low, self.high = self._new(CHUNKS, wp.vec3d), self._new(CHUNKS, wp.vec3d)
         self._overflow = self._new(2, wp.int32)
         self._near, self._until = self._new(rows * total, wp.int32), self._new(rows * total, wp.int32)
-        self.slots, self.wall_slots = SLOTS, min(self.n_walls, 4)
+        self.slots, self.wall_slots = SLOTS, min(self.n_walls, WALL_SLOTS)
         self.big_capacity = BIG_ROOM if rows else 0
         self.lists, self._old = full_lists_type(self.types.precision)(), full_lists_type(self.types.precision)()
         for lists in (self.lists, self._old):
@@ -168,9 +170,7 @@ class FullState(State):
         )
         wp.utils.array_scan(self._near, self._until, inclusive=True)
         while True:
-            self.launch(
-                self.kernels.fill_big, (rows, total), total, self._near, self._until, self.big_capacity, lists
-            )
+            self.launch(self.kernels.fill_big, (rows, total), total, self._near, self._until, self.big_capacity, lists)
             needed = int(lists.big_start.numpy()[-1])
             if needed <= self.big_capacity:
                 return
