@@ -198,6 +198,10 @@ class Engine(ABC):
     def read(self, scene: Scene, settings: Any, directory: Path) -> Series:
         """Reads what the engine has written so far into the directory."""
 
+    def law(self, scene: Scene) -> str:
+        """Contact law that the engine computes for a scene, in a few words; empty where it is the scene's own law."""
+        return ""
+
     def estimate(self, scene: Scene, settings: Any) -> float | None:
         """Estimated wall time of a run [s], for planning; None where the engine has no guess."""
         return None

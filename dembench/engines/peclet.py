@@ -11,7 +11,7 @@ from pydantic import Field
 
 from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe, Series
 from dembench.engines.in_tree import probe_solver, read_series, write_deck
-from dembench.scene import Scene
+from dembench.scene import Rigid, Scene
 
 PARTICLE_STEPS_PER_SECOND = 5e5
 """Throughput of one core on which run-time estimates are based."""
@@ -55,7 +55,7 @@ class Peclet(Engine):
         return unsupported(scene)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
-        """In both divisions: a body moves at most d/8 in a step, d the smallest diameter; dt at most 0.007 sqrt(d/g)."""
+        """In both divisions a body moves at most d/8 in a step, d the smallest diameter; dt <= 0.007 sqrt(d/g)."""
         diameter = 2 * float(scene.radii().min())
         limits = [scene.duration]
         speed = float(np.linalg.norm(scene.bodies.velocity, axis=1).max(initial=0))
@@ -73,6 +73,10 @@ class Peclet(Engine):
     def read(self, scene: Scene, settings: PecletSettings, directory: Path) -> Series:
         """See `Engine.read`."""
         return read_series(scene, settings, directory)
+
+    def law(self, scene: Scene) -> str:
+        """See `Engine.law`."""
+        return "" if isinstance(scene.law, Rigid) else "rigid contacts with Newton restitution and Coulomb friction"
 
     def estimate(self, scene: Scene, settings: PecletSettings) -> float:
         """See `Engine.estimate`."""

@@ -60,6 +60,8 @@ def _division(group: Group) -> str:
         return "closed: the scene's law and time step"
     own = [f"{m.label} ({measure(m.shown.dt or 0, 's')})" for m in group.members if m.shown.own_step]
     deviating = f"; with a time step of their own: {', '.join(own)}" if own else ""
+    laws = [f"{m.label} ({m.shown.spec.law})" for m in group.members if m.shown.spec.law]
+    deviating += f"; with a contact law of their own: {', '.join(laws)}" if laws else ""
     return f"closed: the scene's law and its time step of {measure(scene.closed_step(), 's')}{deviating}"
 
 

@@ -197,6 +197,7 @@ def _planned(
         bodies=len(scene.bodies),
         duration=scene.duration,
         cores=cores,
+        law=engine.law(scene),
         precision=settings.precision(),
         device=settings.device(),
         timeout=timeout,

@@ -41,6 +41,7 @@ class RunSpec(Model):
         bodies: Number of bodies.
         duration: Simulated time [s].
         cores: Number of cores that it occupies.
+        law: Contact law that the engine computes; empty where it is the scene's own.
         precision, device: As shown in timing tables.
         timeout: Time limit [s]; None for no limit.
         estimate: Estimated wall time [s]; None where the engine offers none.
@@ -60,6 +61,7 @@ class RunSpec(Model):
     bodies: int = 0
     duration: float = 0.0
     cores: int = 1
+    law: str = ""
     precision: str = ""
     device: str = "cpu"
     timeout: float | None = None
