@@ -13,7 +13,7 @@ import numpy as np
 from dembench.cases import impact_scores
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.share import share
-from dembench.initial.generate import BedPlan, PackingError, settled_bed
+from dembench.initial.generate import LOOSE, BedPlan, PackingError, Protocol, settled_bed
 from dembench.initial.progress import Progress
 from dembench.initial.published import CoordinatesError, find_coordinates, read_coordinates
 from dembench.scene import (
@@ -140,6 +140,7 @@ def _plan(bed: str | None) -> BedPlan:
         box=_box(),
         height=numbers["height"] if numbers else None,
         bulk_fraction=numbers["fraction"] if numbers else None,
+        protocol=LOOSE if numbers and numbers["loose"] else Protocol(),
     )
 
 

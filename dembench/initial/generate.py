@@ -15,7 +15,7 @@ from pydantic import Field
 from dembench.initial.cache import cached
 from dembench.initial.progress import Progress, silent
 from dembench.initial.quality import Packing, packing
-from dembench.scene import Bodies, Box, Domain, Material, PairLaw, Scene, Species
+from dembench.scene import Bodies, Box, Constraint, Domain, Material, PairLaw, Scene, Species
 from dembench.scene.base import Model, NotNegative, Positive
 
 
@@ -25,10 +25,12 @@ class Stage(Model):
     Attributes:
         softening: Young's modulus as a share of the real one [-].
         friction: Friction of all pairs [-]; None is that of the pair laws.
+        locked: The grains do not rotate: they arch at once, and the next stage starts from a very loose heap.
     """
 
     softening: Positive = 1.0
     friction: NotNegative | None = None
+    locked: bool = False
 
 
 class Protocol(Model):
@@ -56,6 +58,10 @@ class Protocol(Model):
     check: Positive = 0.2
     rest: Positive = 1e-3
     longest: Positive = 1.0
+
+
+LOOSE = Protocol(stages=(Stage(softening=0.1, friction=0.5, locked=True), Stage(friction=1.0)), lattice_fraction=0.42)
+"""For beds looser than the default makes, as the published ones of 50k and 100k grains are."""
 
 
 class BedPlan(Model):
@@ -165,6 +171,7 @@ def _scene(plan: BedPlan, position: np.ndarray, stage: Stage) -> Scene:
         walls=(plan.box,),
         bodies=Bodies(position=position),
         domain=Domain(lower=tuple(lower), upper=tuple(upper)),
+        constraints=(Constraint(kind="rotation-locked", bodies=tuple(range(plan.count))),) if stage.locked else (),
         duration=plan.protocol.longest,
         rayleigh_fraction=plan.protocol.step,
     )

@@ -77,6 +77,14 @@ def test_the_same_seed_makes_the_same_bits():
     assert not np.array_equal(first, other)
 
 
+def test_locked_grains_arch_and_the_loose_protocol_is_looser():
+    fractions = {}
+    for name, protocol in (("default", generate.Protocol()), ("loose", generate.LOOSE)):
+        asked = plan(count=600, protocol=protocol)
+        fractions[name] = measure(asked, generate._settle(asked, 0, silent)).fraction
+    assert fractions["loose"] < fractions["default"] - 0.01
+
+
 def test_a_bed_comes_from_the_cache_the_second_time(monkeypatch):
     asked = plan(count=60)
     first = settled_bed(asked, seed=0)
