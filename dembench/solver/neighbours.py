@@ -307,7 +307,10 @@ def near_functions(precision: str) -> Any:
 
     @wp.func
     def pick_big(b: Bodies, lists: Lists, n: int, total: int, skin: wp.float64, capacity: int):
-        """Lists all bodies within `skin` of each large body n..total; counts on beyond the capacity."""
+        """Lists all bodies within `skin` of each large body n..total; counts on beyond the capacity.
+
+        Two large bodies are always listed: both may be fast, and the skin allows for one of them.
+        """
         found = int(0)
         for j in range(n, total):
             xj = position(b, j)
@@ -315,7 +318,7 @@ def near_functions(precision: str) -> Any:
             for i in range(j):
                 d = position(b, i) - xj
                 reach = b.kin[i][6] + rj
-                if wp.dot(d, d) < reach * reach:
+                if i >= n or wp.dot(d, d) < reach * reach:
                     if found < capacity:
                         lists.big_i[found] = i
                         lists.big_j[found] = j
