@@ -106,7 +106,7 @@ def test_both_drivers_agree() -> None:
 def test_large_bodies_are_not_outrun_by_their_lists() -> None:
     """Two large bodies collide, and one then meets grains at rest, which alone would never ask for new lists."""
     small = [[x, y, 20] for x in (8, 12) for y in (-4, 0, 4)]
-    large = [[-10.4, 0, 20], [0, 0.3, 20]]
+    large = [[-10.7, 0, 20], [0, 0.3, 20]]
     scene = grains(
         RADIUS * np.array(small + large),
         [[0, 0, 0]] * 6 + [[8, 0, 0], [-8, 0, 0]],
