@@ -21,7 +21,7 @@ def colliding(**changes: Any) -> Scene:
     return grains(position, velocity + 100 * inwards, spin, **{"young": 1e8, **changes})
 
 
-@pytest.mark.parametrize(("precision", "tolerance"), [("float64", 1e-12), ("float32", 1e-6)])
+@pytest.mark.parametrize(("precision", "tolerance"), [("float64", 1e-12), ("float32", 1e-8)])
 def test_momentum_and_angular_momentum_are_kept(precision: str, tolerance: float) -> None:
     """The lever of the law, r - overlap/2, puts both forces of a pair on one line and at one point."""
     scene = colliding()
@@ -53,15 +53,15 @@ def elastic_energy(scene: Scene, position: np.ndarray) -> float:
 
 
 def test_energy_only_falls() -> None:
-    """Kinetic energy and that of the normal springs; a shear spring may give back what it took, never more."""
-    for friction, allowed in ((0.0, 1e-5), (0.5, 1e-2)):
+    """Kinetic energy and that of the normal springs."""
+    for friction in (0.0, 0.5):
         scene = colliding(friction=friction, restitution=0.6)
         simulation = Simulation(scene)
         energy = []
         for _ in range(150):
             energy.append(simulation.kinetic_energy() + elastic_energy(scene, simulation.position))
             simulation.step(20)
-        assert np.diff(energy).max() < allowed * energy[0]
+        assert np.diff(energy).max() < 1e-6 * energy[0]
         assert energy[-1] < 0.8 * energy[0]
 
 
@@ -72,7 +72,7 @@ def test_energy_of_elastic_grains_stays() -> None:
     start = simulation.kinetic_energy()
     simulation.step(4000)
     end = simulation.kinetic_energy() + elastic_energy(scene, simulation.position)
-    assert end == pytest.approx(start, rel=2e-3)
+    assert end == pytest.approx(start, rel=2e-5)
 
 
 def few(**changes: Any) -> Scene:
@@ -104,8 +104,8 @@ def test_a_scene_far_from_the_origin_is_the_same_scene(undisturbed: tuple[np.nda
     scene = few()
     offset = np.array([1000.0, -1000.0, 1000.0])
     x, v = after(moved(scene, position=scene.bodies.position + offset))
-    assert x - offset == pytest.approx(undisturbed[0], abs=1e-4 * RADIUS)
-    assert v == pytest.approx(undisturbed[1], abs=1e-4)
+    assert x - offset == pytest.approx(undisturbed[0], abs=1e-5 * RADIUS)
+    assert v == pytest.approx(undisturbed[1], abs=1e-5)
 
 
 def test_a_moving_frame_changes_nothing(undisturbed: tuple[np.ndarray, np.ndarray]) -> None:

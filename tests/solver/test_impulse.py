@@ -140,7 +140,7 @@ def test_a_block_slides_above_the_friction_angle_from_rest(ratio: float) -> None
     """1/2 (g sin - mu g cos) t^2, however slow: nothing falls asleep. A symplectic step is (1 + dt/t) too far."""
     theta = np.arctan(ratio * 0.5)
     simulation = rigid(incline(theta, 0.5, locked=True))
-    simulation.step(20000)
+    simulation.step(8000)
     t = simulation.time
     exact = 0.5 * 9.81 * (np.sin(theta) - 0.5 * np.cos(theta)) * t**2
     assert simulation.position[0, 0] == pytest.approx(exact * (1 + DT / t), rel=1e-4)
@@ -271,7 +271,7 @@ def test_momentum_of_free_grains_is_kept() -> None:
     angular = (np.cross(x, v) + inertia * simulation.angular_velocity).sum(axis=0)
     start = (np.cross(position, v0) + inertia * scene.bodies.angular_velocity).sum(axis=0)
     # impulses act at the touching point of the start of the step; what is missing is the gap closed within it
-    assert angular == pytest.approx(start, abs=1e-3 * total * np.abs(position).max())
+    assert angular == pytest.approx(start, abs=5e-4 * total * np.abs(position).max())
 
 
 def test_a_repeated_run_gives_the_same_bits() -> None:
