@@ -26,17 +26,21 @@ def grains(
     restitution: float = 0.5,
     friction: float = 0.3,
     variant: str = "reference",
+    kinds: tuple[Species, ...] = (),
     dt: float = 1e-6,
     **changes: Any,
 ) -> Scene:
-    """Grains of one material [SI units] without gravity; several radii make several species, chosen by `species`."""
+    """Grains of one material [SI units] without gravity; several radii make several species, chosen by `species`.
+
+    `kinds` replaces the species where they are of several materials; `changes` are other fields of the scene.
+    """
     radii = [radius] if isinstance(radius, int | float) else list(radius)
     fields: dict[str, Any] = {
         "name": "grains",
         "law": HertzMindlin(variant=variant),
         "materials": (Material(name="grain", density=density, young=young, poisson=poisson),),
         "pair_laws": (PairLaw(a="grain", b="grain", restitution=restitution, friction=friction),),
-        "species": tuple(Species(name=f"grain{k}", material="grain", radius=r) for k, r in enumerate(radii)),
+        "species": kinds or tuple(Species(name=f"g{k}", material="grain", radius=r) for k, r in enumerate(radii)),
         "bodies": Bodies(position=position, velocity=velocity, angular_velocity=spin, species=species),
         "domain": Domain(lower=(-1e6,) * 3, upper=(1e6,) * 3),
         "gravity": (0, 0, 0),

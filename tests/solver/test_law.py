@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from grains import FLOOR, RADIUS, grains
+from grains import FLOOR, RADIUS, gas, grains
 from reference import AllPairs, sticking_impact
 
-from dembench.scene import Plane
+from dembench.scene import Material, PairLaw, Plane, Species
 from dembench.solver import Simulation
 
 
@@ -189,3 +189,51 @@ def test_hertz_impact_on_a_plane() -> None:
         assert -lowest == pytest.approx(overlap, rel=5e-4)
         assert ended == pytest.approx(time, rel=6e-3)
         assert simulation.velocity[0, 2] == pytest.approx(0.2, rel=1e-4)
+
+
+@pytest.mark.parametrize("method", ["soft-sphere", "impulse"])
+def test_every_pair_of_materials_has_its_own_law(method: str) -> None:
+    """Restitution of glass-glass, glass-steel, steel-steel, and of both against a wall of rubber."""
+    names = ("glass", "steel", "rubber")
+    moduli = {"glass": 1e8, "steel": 1e9, "rubber": 1e7}
+    materials = tuple(Material(name=k, density=2500, young=moduli[k], poisson=0.2) for k in names)
+    restitution = {
+        ("glass", "glass"): 0.9,
+        ("steel", "glass"): 0.7,
+        ("steel", "steel"): 0.5,
+        ("glass", "rubber"): 0.3,
+        ("rubber", "steel"): 0.4,
+    }
+    pairs = [[0, 0.01 * k, z] for z in (0.1, 0.1 + 2.1 * RADIUS) for k in range(3)]
+    fallers = [[0, 0.04, 1.05 * RADIUS], [0, 0.05, 1.05 * RADIUS]]
+    scene = grains(
+        [*pairs, *fallers],
+        np.array([[0, 0, s] for s in (0.25,) * 3 + (-0.25,) * 3 + (-0.5,) * 2]),
+        species=[0, 0, 1, 0, 1, 1, 0, 1],
+        materials=materials,
+        kinds=tuple(Species(name=k, material=k, radius=RADIUS) for k in names[:2]),
+        pair_laws=tuple(PairLaw(a=a, b=b, restitution=e, friction=0.2) for (a, b), e in restitution.items()),
+        walls=(FLOOR.model_copy(update={"material": "rubber"}),),
+    )
+    simulation = Simulation(scene, 1e-7 if method == "soft-sphere" else 1e-5, method=method)
+    simulation.step(12000 if method == "soft-sphere" else 120)
+    v = simulation.velocity[:, 2]
+    measured = [*(v[3:6] - v[:3]) / 0.5, *v[6:] / 0.5]
+    # first order in the step, which is 1/200 of the shortest contact
+    assert measured == pytest.approx([0.9, 0.7, 0.5, 0.3, 0.4], abs=3e-3 if method == "soft-sphere" else 1e-6)
+
+
+def test_radii_of_bodies_act_as_radii_of_species() -> None:
+    """The same grains, given once by species and once by a radius each: constants from a table and from radii."""
+    position, velocity, spin = gas(40, speed=2.0, radius=1.5 * RADIUS)
+    fields = {"radius": (RADIUS, 1.5 * RADIUS), "species": np.arange(40) % 2, "young": 1e8}
+    by_species = grains(position, velocity, spin, **fields)
+    bodies = by_species.bodies.model_copy(update={"radius": by_species.radii()})
+    ends = []
+    for scene in (by_species, by_species.model_copy(update={"bodies": bodies})):
+        simulation = Simulation(scene, 1e-6, precision="float64")
+        simulation.step(1000)
+        ends.append((simulation.velocity, simulation.angular_velocity))
+    assert np.abs(ends[0][0] - velocity).max() > 0.5
+    assert ends[0][0] == pytest.approx(ends[1][0], abs=1e-10)
+    assert ends[0][1] == pytest.approx(ends[1][1], abs=1e-7)

@@ -62,6 +62,41 @@ def test_no_pair_is_missed_among_fast_grains_and_a_ball(threads: int) -> None:
     assert simulation.counters()["list rebuilds"] > 10
 
 
+def test_two_that_are_the_fastest_may_meet_head_on_from_any_distance() -> None:
+    """Gaps that close as fast as gaps can: a contact just before the lists are due must be seen."""
+    gap = np.linspace(0.00517, 1.19731, 60) * 2 * RADIUS
+    y = 5 * RADIUS * np.arange(60)
+    left = np.stack([0 * y, y, 0 * y], axis=1)
+    right = left + np.stack([2 * RADIUS + gap, 0 * y, 0 * y], axis=1)
+    assert_follows_all_pairs(grains([*left, *right], [[2.0, 0, 0]] * 60 + [[-2.0, 0, 0]] * 60, young=1e8), 1000)
+
+
+@pytest.mark.parametrize("gap", [0.40007, 0.50007, 0.60007, 1.00007])
+def test_a_ball_that_is_the_fastest_meets_what_lies_just_beyond_its_candidates(gap: float) -> None:
+    """A grain at rest ahead; the candidates of the ball are renewed when it has moved half a diameter of a grain.
+
+    No gap is a whole number of steps: where a touch falls on a step, rounding decides whether there is a force.
+    """
+    far = [[1.0, 5 * RADIUS * k, 0] for k in range(60)]
+    scene = grains(
+        [[11 * RADIUS + gap * 2 * RADIUS, 0, 0], *far, [0, 0, 0]],
+        [[0, 0, 0]] * 61 + [[4.0, 0, 0]],
+        radius=(RADIUS, 10 * RADIUS),
+        species=[0] * 61 + [1],
+        young=1e8,
+    )
+    assert_follows_all_pairs(scene, 600)
+
+
+def assert_follows_all_pairs(scene: Scene, steps: int) -> None:
+    simulation, reference = Simulation(scene, 1e-6, precision="float64"), AllPairs(scene, 1e-6)
+    for _ in range(steps // 20):
+        simulation.step(20)
+        reference.step(20)
+        assert np.abs(simulation.velocity - reference.v).max() < 1e-9
+    assert np.abs(reference.v - scene.bodies.velocity).max() > 0.5
+
+
 def test_grains_scattered_over_a_wide_space_still_meet() -> None:
     """Two far outliers must not make the grid coarse or empty: the pairs near the origin still collide."""
     position, velocity, spin = gas(60, speed=2.0)
