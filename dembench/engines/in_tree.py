@@ -2,8 +2,8 @@
 
 The deck holds `scene.json`, `settings.json` and, where there are many bodies, `scene.npz`. The program writes
 `frames/<step>.npy` (position, velocity, angular velocity: n x 9 float64), `tracks.csv`, `clock.csv` (step, simulated
-and wall time at every record) and at the end `timing.json`; on failure `failure.json`. A frame has its final name only when
-it is complete.
+and wall time at every record) and at the end `timing.json`; on failure `failure.json`. A frame has its final name only
+when it is complete.
 """
 
 from __future__ import annotations

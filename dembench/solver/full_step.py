@@ -14,8 +14,8 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.contacts import StepOptions, force_functions, lever_function
 from dembench.solver.full_lists import MARK, full_lists_type
-from dembench.solver.hertz import StepOptions, force_functions, lever_function
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types, vec8d
 

@@ -5,129 +5,22 @@ hold every pair that can touch, or when a value is not finite. The integrator is
 with the half-step velocities.
 """
 
-from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
 import warp as wp
 
-from dembench.solver.laws import LawOptions, contact_force
+from dembench.solver.contacts import StepOptions, force_functions, lever_function
 from dembench.solver.neighbours import near_functions
-from dembench.solver.pairs import ONE, RADII, pair_lookup
+from dembench.solver.pairs import RADII, pair_lookup
 from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
-from dembench.solver.walls import wall_distance
 
-PREFETCH = wp.constant(16)
+PREFETCH = wp.constant(12)
 """How many pairs ahead the second body of a pair is asked for."""
 
 DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
 """Why a launch came back."""
-
-
-@dataclass(frozen=True)
-class StepOptions:
-    """What of the step is compiled in; everything else is left out of the kernel.
-
-    Attributes:
-        law: Options of the contact law.
-        pairs: How pair constants are looked up.
-        alike: Whether all small bodies are of one kind, so that their pairs share one row of the table.
-        walls, curved, moving, bigs: Whether there are walls, mantles, wall motions and large bodies.
-        rotation: Whether spins are integrated.
-        threads: Whether several threads share the step.
-    """
-
-    law: LawOptions = field(default_factory=LawOptions)
-    pairs: str = ONE
-    alike: bool = True
-    walls: bool = False
-    curved: bool = False
-    moving: bool = False
-    bigs: bool = False
-    rotation: bool = True
-    threads: bool = False
-
-
-@cache
-def lever_function(o: StepOptions) -> Any:
-    """Lever arm of the tangential force as a Warp function (kin, overlap) -> length."""
-    real = types(o.law.precision).real
-    rescaled = o.law.rescaled
-
-    @wp.func
-    def lever(k: vec8d, overlap: real):
-        arm = real(k[6])
-        if wp.static(not rescaled):
-            arm = arm - real(0.5) * overlap
-        return arm
-
-    return lever
-
-
-@cache
-def force_functions(o: StepOptions) -> Any:
-    """Warp functions (pair, wall, spin): one contact of two bodies, one of a body and a wall feature, and a spin."""
-    t = types(o.law.precision)
-    real, vec3, vec4, Bodies, PairClass, Wall = t.real, t.vec3, t.vec4, t.Bodies, t.PairClass, t.Wall
-    force = contact_force(o.law)
-    _of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
-    distance_of = wall_distance(o.law.precision, o.curved)
-    lever = lever_function(o)
-    friction, moving = o.law.friction, o.moving
-
-    @wp.func
-    def spin(b: Bodies, i: int):
-        w = b.spin[i]
-        return vec3(w[0], w[1], w[2])
-
-    @wp.func
-    def pair(ki: vec8d, kj: vec8d, wi: vec3, wj: vec3, memory: vec4, c: PairClass, dt: real):
-        """Force of body i against body j: f on i, ft (as n x ft), the new memory and the overlap (0 if apart)."""
-        f, torque, after, overlap = vec3(), vec3(), vec4(), real(0.0)
-        d = ki - kj
-        reach = ki[6] + kj[6]
-        inside = reach * reach - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-        if inside > wp.float64(0.0):
-            # (reach^2 - r^2)/(reach + r) keeps the overlap exact in single precision where reach - r would not
-            e = vec3(real(d[0]), real(d[1]), real(d[2]))
-            r = wp.length(e)
-            overlap = real(inside) / (real(reach) + r)
-            n = vec3(real(1.0), real(0.0), real(0.0))
-            if r > real(0.0):
-                n = e * (real(1.0) / r)
-            s = vec3()
-            if wp.static(friction):
-                s = lever(ki, overlap) * wi + lever(kj, overlap) * wj
-            f, ft, after = force(n, overlap, vec3(real(d[3]), real(d[4]), real(d[5])), s, memory, c, dt)
-            if wp.static(friction):
-                torque = wp.cross(n, ft)
-        return f, torque, after, overlap
-
-    @wp.func
-    def wall(b: Bodies, i: int, feature: Wall, memory: vec4, table: wp.array(dtype=PairClass), columns: int, dt: real):
-        """The same for body i against a wall feature."""
-        f, ft, after, overlap = vec3(), vec3(), vec4(), real(0.0)
-        k = b.kin[i]
-        x = wp.vec3d(k[0], k[1], k[2])
-        distance, normal = distance_of(feature, x)
-        gap = distance - k[6]
-        if gap < wp.float64(0.0):
-            overlap = real(-gap)
-            n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
-            dv = wp.vec3d(k[3], k[4], k[5])
-            if wp.static(moving):
-                dv = dv - feature.velocity - wp.cross(feature.spin, x - feature.centre)
-            s = vec3()
-            if wp.static(friction):
-                s = lever(k, overlap) * spin(b, i)
-            c = of_wall(b, i, feature.kind, table, columns)
-            f, ft, after = force(n, overlap, vec3(real(dv[0]), real(dv[1]), real(dv[2])), s, memory, c, dt)
-            if wp.static(friction):
-                ft = wp.cross(n, ft)
-        return f, ft, after, overlap
-
-    return pair, wall, spin
 
 
 @cache
@@ -398,9 +291,7 @@ def advance_kernel(o: StepOptions) -> Any:
             if going == 1:
                 overlap = wp.max(
                     overlap,
-                    near_pairs(
-                        b, lists, base[2 * part], near_count[2 * part], pair_table, pair_columns, memory_dt
-                    ),
+                    near_pairs(b, lists, base[2 * part], near_count[2 * part], pair_table, pair_columns, memory_dt),
                 )
                 if wp.static(walls):
                     wall_contacts(

@@ -7,8 +7,9 @@ from typing import Any
 import warp as wp
 
 from dembench.scene import HertzMindlin, Scene, features
+from dembench.solver.contacts import StepOptions
 from dembench.solver.guard import SolverError
-from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, StepOptions, advance_kernel
+from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, advance_kernel
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.state import State

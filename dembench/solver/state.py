@@ -106,7 +106,7 @@ class State:
         self._follow = self._ints(len(lists.i))
 
     def _set_room(self, inside: int, across: int) -> None:
-        """Where the regions of the pair lists begin: region 2p has room for `inside`, region 2p + 1 for `across` pairs."""
+        """Where the regions of the pair lists begin: 2p with room for `inside`, 2p + 1 for `across` pairs."""
         rooms = [inside, across if self.parts > 1 else 0] * self.parts
         self.base = wp.array(np.concatenate([[0], np.cumsum(rooms)]), dtype=wp.int32, device="cpu")
 

@@ -63,9 +63,7 @@ def row_functions(record: Any, rows: Any, pairs: Any, memory: Any) -> Any:
     def set_entry(values: wp.array(dtype=wp.int32), k: int, value: int): ...
 
     @wp.func_native(
-        "__builtin_prefetch(&b.kin.data[i]);"
-        "__builtin_prefetch(&b.spin.data[i]);"
-        "__builtin_prefetch(&b.load.data[i], 1);"
+        "__builtin_prefetch(&b.kin.data[i]);__builtin_prefetch(&b.spin.data[i]);__builtin_prefetch(&b.load.data[i], 1);"
     )
     def prefetch(b: record, i: int): ...
 

@@ -17,12 +17,12 @@ from grains import RADIUS, grains
 
 from dembench.scene import Cylinder, Motion, Plane, Scene
 from dembench.solver import Simulation, full_state
+from dembench.solver.contacts import StepOptions
 from dembench.solver.full import BLOCK
 from dembench.solver.full_lists import MARK, full_list_kernels
 from dembench.solver.full_sort import sort_kernels
 from dembench.solver.full_step import full_kernels
 from dembench.solver.guard import SolverError
-from dembench.solver.hertz import StepOptions
 from dembench.solver.laws import LawOptions
 
 ROUNDING = 1e-10 * 2 * RADIUS
