@@ -6,14 +6,13 @@ As a program, `standin.py ARGUMENTS` is the command `dembench` with the stand-in
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from dembench.engines import registry
-from dembench.engines.base import Engine, EngineSettings, Frame, Phase, Probe, Series, Timing, Tracks
+from dembench.engines.base import Engine, EngineSettings, Frame, FrameFiles, Phase, Probe, Series, Timing, Tracks
 from dembench.scene import Scene
 
 PROGRAM = Path(__file__).with_name("standin_program.py")
@@ -73,8 +72,9 @@ class StandIn(Engine):
 
     def read(self, scene: Scene, settings: Any, directory: Path) -> Series:
         files = sorted((directory / "frames").glob("*.npz"))
-        frames = _Frames(files)
         stored = [np.load(f) for f in files]
+        known = [(int(s["step"]), float(s["time"]), f) for s, f in zip(stored, files, strict=True)]
+        frames = FrameFiles(known, _load)
         track_time = np.concatenate([s["track_time"] for s in stored]) if stored else np.empty(0)
         bodies = len(scene.tracked_bodies())
         track = np.concatenate([s["track"] for s in stored]) if stored else np.empty((0, bodies, 3))
@@ -119,16 +119,9 @@ class Wordless(StandIn):
 ENGINES = {c.name: f"standin:{c.__name__}" for c in (StandIn, Coarse, Absent, Picky, Wordless)}
 
 
-class _Frames(Sequence[Frame]):
-    def __init__(self, files: list[Path]) -> None:
-        self._files = files
-
-    def __len__(self) -> int:
-        return len(self._files)
-
-    def __getitem__(self, k: Any) -> Any:
-        with np.load(self._files[k]) as stored:
-            return Frame(int(stored["step"]), float(stored["time"]), *(stored[name] for name in ARRAYS))
+def _load(step: int, time: float, path: Path) -> Frame:
+    with np.load(path) as stored:
+        return Frame(step, time, *(stored[name] for name in ARRAYS))
 
 
 def _flight(scene: Scene, t: float) -> dict[str, np.ndarray]:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import difflib
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, overload
 
 import numpy as np
 from pydantic import ValidationError
@@ -96,6 +96,32 @@ class Frame:
     position: np.ndarray
     velocity: np.ndarray
     angular_velocity: np.ndarray
+
+
+class FrameFiles(Sequence[Frame]):
+    """Frames in files, loaded one by one on access.
+
+    Args:
+        known: Step, time [s] and file of each complete frame, ascending.
+        load: Makes a frame of these.
+    """
+
+    def __init__(self, known: list[tuple[int, float, Path]], load: Callable[[int, float, Path], Frame]):
+        self._known, self._load = known, load
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    @overload
+    def __getitem__(self, index: int) -> Frame: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[Frame]: ...
+
+    def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
+        if isinstance(index, slice):
+            return [self[k] for k in range(*index.indices(len(self)))]
+        return self._load(*self._known[index])
 
 
 @dataclass(frozen=True)

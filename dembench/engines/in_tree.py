@@ -13,14 +13,14 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, overload
+from typing import Any
 
 import numpy as np
 
 import dembench
-from dembench.engines.base import EngineSettings, Frame, Phase, Probe, Series, Timing, Tracks
+from dembench.engines.base import EngineSettings, Frame, FrameFiles, Phase, Probe, Series, Timing, Tracks
 from dembench.scene import Scene, load_scene, save_scene
 
 FRAMES = "frames"
@@ -48,33 +48,21 @@ def write_deck(engine: str, scene: Scene, settings: EngineSettings, directory: P
     return [Phase(name="simulate", command=(sys.executable, "-m", "dembench.engines.in_tree", "."))]
 
 
-class Frames(Sequence[Frame]):
-    """The frames written so far, loaded one by one on access."""
+def _frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:
+    """The frames written so far."""
+    known = []
+    for moment in scene.frame_times():
+        step = round(moment / dt)
+        path = directory / f"{step}.npy"
+        if not path.exists():
+            break
+        known.append((step, float(moment), path))
+    return FrameFiles(known, _load_frame)
 
-    def __init__(self, scene: Scene, dt: float, directory: Path):
-        self._known = []
-        for moment in scene.frame_times():
-            step = round(moment / dt)
-            path = directory / f"{step}.npy"
-            if not path.exists():
-                break
-            self._known.append((step, float(moment), path))
 
-    def __len__(self) -> int:
-        return len(self._known)
-
-    @overload
-    def __getitem__(self, index: int) -> Frame: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[Frame]: ...
-
-    def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
-        if isinstance(index, slice):
-            return [self[k] for k in range(*index.indices(len(self)))]
-        step, moment, path = self._known[index]
-        table = np.load(path)
-        return Frame(step, moment, np.arange(len(table)), table[:, 0:3], table[:, 3:6], table[:, 6:9])
+def _load_frame(step: int, moment: float, path: Path) -> Frame:
+    table = np.load(path)
+    return Frame(step, moment, np.arange(len(table)), table[:, 0:3], table[:, 3:6], table[:, 6:9])
 
 
 def read_series(scene: Scene, settings: EngineSettings, directory: Path) -> Series:
@@ -89,7 +77,7 @@ def read_series(scene: Scene, settings: EngineSettings, directory: Path) -> Seri
         failure = json.loads((directory / "failure.json").read_text())
     clock = _rows(directory / "clock.csv")
     return Series(
-        frames=Frames(scene, settings.dt, directory / FRAMES),
+        frames=_frames(scene, settings.dt, directory / FRAMES),
         tracks=_tracks(scene, directory),
         timing=timing,
         time=float(clock[-1, 1]) if len(clock) else 0.0,

@@ -41,12 +41,12 @@ from pydantic import Field
 
 from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe, Series, Timing
 from dembench.engines.liggghts_output import (
-    Frames,
     counters_in,
     every_of,
     failure_in,
     last_step,
     loop_time,
+    read_frames,
     read_tracks,
     steps_of,
 )
@@ -185,7 +185,7 @@ class Liggghts(Engine):
         """See `Engine.read`: complete frames and tracks so far, the program's own timing, its errors."""
         log = directory / LOG
         text = log.read_text(errors="replace") if log.exists() else ""
-        frames = Frames(scene, settings.dt, directory / "frames")
+        frames = read_frames(scene, settings.dt, directory / "frames")
         tracks = read_tracks(scene, settings.dt, directory / "tracks.bin")
         failure, detail = failure_in(text)
         loop = loop_time(text)

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import re
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import overload
 
 import numpy as np
 
-from dembench.engines.base import Frame, Tracks
+from dembench.engines.base import Frame, FrameFiles, Tracks
 from dembench.scene import Scene
 
 HEADER = struct.Struct("<qqi6i6dii")
@@ -30,33 +29,20 @@ def every_of(steps: list[int], last: int) -> int:
     return math.gcd(*steps) or last
 
 
-class Frames(Sequence[Frame]):
-    """The frames of a scene that are completely written so far, loaded one by one on access."""
+def read_frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:
+    """The frames of a scene that are completely written so far."""
+    known = []
+    for step, time in zip(steps_of(scene.frame_times(), dt), scene.frame_times(), strict=True):
+        path = directory / f"{step}.bin"
+        if not _complete(path):
+            break
+        known.append((step, float(time), path))
+    return FrameFiles(known, _load_frame)
 
-    def __init__(self, scene: Scene, dt: float, directory: Path) -> None:
-        self._count = len(scene.bodies)
-        self._times: list[tuple[int, float, Path]] = []
-        for step, time in zip(steps_of(scene.frame_times(), dt), scene.frame_times(), strict=True):
-            path = directory / f"{step}.bin"
-            if not _complete(path):
-                break
-            self._times.append((step, float(time), path))
 
-    def __len__(self) -> int:
-        return len(self._times)
-
-    @overload
-    def __getitem__(self, index: int) -> Frame: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[Frame]: ...
-
-    def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
-        if isinstance(index, slice):
-            return [self[k] for k in range(*index.indices(len(self)))]
-        step, time, path = self._times[index]
-        _, table = next(_records(path.read_bytes(), FRAME_COLUMNS))
-        return Frame(step, time, table[:, 0].astype(np.intp) - 1, table[:, 1:4], table[:, 4:7], table[:, 7:10])
+def _load_frame(step: int, time: float, path: Path) -> Frame:
+    _, table = next(_records(path.read_bytes(), FRAME_COLUMNS))
+    return Frame(step, time, table[:, 0].astype(np.intp) - 1, table[:, 1:4], table[:, 4:7], table[:, 7:10])
 
 
 def _complete(path: Path) -> bool:

@@ -13,7 +13,7 @@ from dembench.runs.directory import Occupied
 from dembench.runs.environment import busy_shares
 from dembench.runs.plan import PlannedRun
 from dembench.runs.states import Status
-from dembench.runs.supervise import Progress, Supervisor, missing, skipped
+from dembench.runs.supervise import Progress, Supervisor, missing, rejudged, skipped
 
 
 @dataclass
@@ -56,7 +56,7 @@ class Scheduler:
         """Settles the jobs that need no run and starts the first ones."""
         for job in self.jobs:
             if job.action == "reuse":
-                job.status = job.run.before
+                job.status = self._settled(job, lambda run: rejudged(run, self._options.get("judge")))
             elif job.action in ("skip", "missing"):
                 job.status = self._settled(job, skipped if job.action == "skip" else missing)
             if job.status is not None:

@@ -12,7 +12,7 @@ from threading import Event
 from typing import Any
 
 from dembench.engines.base import Series, Timing
-from dembench.results import Observer, Result, channels, write
+from dembench.results import Observer, Result, channels, read, write
 from dembench.runs import environment
 from dembench.runs.directory import now
 from dembench.runs.outcome import Failure, failure_of
@@ -66,6 +66,19 @@ def missing(run: PlannedRun) -> Status:
     return _without_start(
         run, Status(state="missing", reason="not installed", detail=detail, install=run.probe.install)
     )
+
+
+def rejudged(run: PlannedRun, judge: Judge | None) -> Status:
+    """The status of a finished run under the references of today; its record is rewritten where the verdict changes."""
+    before = run.before
+    assert before is not None, "only a run that has ended is reused"
+    if judge is None or before.state not in ("ok", "inaccurate"):
+        return before
+    found = judge(run, read(run.directory.result))
+    status = before.model_copy(update={"state": found.state, "scored": found.scored, "detail": found.detail})
+    if status != before:
+        run.directory.write_status(status)
+    return status
 
 
 def _without_start(run: PlannedRun, status: Status) -> Status:

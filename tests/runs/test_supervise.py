@@ -246,6 +246,25 @@ def test_a_failed_engine_does_not_stop_the_others_and_is_run_again_alone(standin
     assert [run.action(fresh=True) for run in planned(*names)] == ["run", "run", "missing", "skip"]
 
 
+def test_a_reused_run_is_judged_by_the_references_of_today(standin, planned):
+    standin()
+
+    def carried_out(verdict):
+        (run,) = planned("standin")
+        job = Job(run, run.action())
+        scheduler = Scheduler([job], CORES, 1, judge=lambda run, result: verdict)
+        scheduler.start()
+        wait_for(lambda: scheduler.wait(0.1), 60)
+        return job
+
+    strict = carried_out(Verdict(state="inaccurate", scored=True, detail="too deep"))
+    assert (strict.action, strict.status.state) == ("run", "inaccurate")
+    mended = carried_out(Verdict(state="ok", scored=True))
+    assert (mended.action, mended.status.state, mended.status.detail) == ("reuse", "ok", "")
+    assert only_record(mended.run).status.state == "ok"
+    assert mended.status.wall == strict.status.wall
+
+
 def test_an_earlier_attempt_is_kept_aside(standin, planned):
     standin(standin=["crash", 2])
     (run,) = planned("standin")
