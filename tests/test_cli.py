@@ -104,7 +104,7 @@ def test_a_report_that_cannot_be_written_loses_no_run(command, scene_file, monke
 USAGE = {
     "engine": (["--engines", "standim"], "Did you mean 'standin'"),
     "engine text": (["--engines", "standin[dt"], "is no engine"),
-    "setting": (["--engines", "standin[thread=1]"], "did you mean 'threads'"),
+    "setting": (["--engines", "standin[thread=1]"], "Did you mean 'threads'"),
     "setting value": (["--engines", "standin[dt=-1]"], "greater than 0"),
     "cores": (["--engines", "standin[threads=1000]"], "asks for 1000 cores"),
     "time": (["--time", "soon"], "is no time"),

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from functools import cache
-from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Any
 
 from pydantic import ValidationError
 
+from dembench import plugins
 from dembench.cases.base import Case, CaseError
 from dembench.scene.base import Model
 
 BUILT_IN = {"case3": "dembench.cases.impact:Impact"}
+GROUP = "dembench.cases"
 
 _TEXT = re.compile(r"(?P<name>[A-Za-z][A-Za-z0-9_-]*)(?:\[(?P<parameters>[^\[\]]*)\])?")
 
 
-@cache
-def _announced() -> dict[str, str]:
-    return {point.name: point.value for point in entry_points(group="dembench.cases")}
-
-
 def names() -> list[str]:
     """Names of all cases, the built-in ones first."""
-    return [*BUILT_IN, *sorted(set(_announced()) - set(BUILT_IN))]
+    return plugins.names(BUILT_IN, GROUP)
 
 
 @cache
@@ -36,11 +30,10 @@ def case(name: str) -> Case:
     Raises:
         CaseError: No case has that name; the nearest known one is named.
     """
-    target = BUILT_IN.get(name) or _announced().get(name)
-    if target is None:
-        raise CaseError(f"no case is called '{name}'.{_nearest(name, names())} Known are {', '.join(names())}.")
-    module, _, attribute = target.partition(":")
-    found: Case = getattr(import_module(module), attribute)()
+    if name not in names():
+        hint = plugins.nearest(name, names())
+        raise CaseError(f"no case is called '{name}'.{hint} Known are {', '.join(names())}.")
+    found: Case = plugins.load(name, BUILT_IN, GROUP)
     return found
 
 
@@ -71,14 +64,11 @@ def _parameters(name: str, model: type[Model], values: dict[str, str]) -> Model:
     known = list(model.model_fields)
     for key in values:
         if key not in known:
-            raise CaseError(f"{name} has no parameter '{key}'.{_nearest(key, known)} Accepted are {', '.join(known)}.")
+            raise CaseError(
+                f"{name} has no parameter '{key}'.{plugins.nearest(key, known)} Accepted are {', '.join(known)}."
+            )
     try:
         return model(**values)
     except ValidationError as error:
         fault = error.errors()[0]
         raise CaseError(f"{name}[{fault['loc'][0]}]: {fault['msg']} (given: {fault['input']!r})") from None
-
-
-def _nearest(name: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f" Did you mean '{near[0]}'?" if near else ""

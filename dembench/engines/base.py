@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from typing import Any, ClassVar, Literal, overload
 import numpy as np
 from pydantic import ValidationError
 
+from dembench.plugins import nearest
 from dembench.scene import Scene
 from dembench.scene.base import Model, Positive
 
@@ -241,9 +241,8 @@ class Engine(ABC):
         known = list(self.settings_type.model_fields)
         for key in overrides or {}:
             if key not in known:
-                near = difflib.get_close_matches(key, known, n=1)
-                hint = f"; did you mean '{near[0]}'?" if near else ""
-                raise SettingsError(f"{self.name} has no setting '{key}'{hint} Accepted are {', '.join(known)}.")
+                hint = nearest(key, known)
+                raise SettingsError(f"{self.name} has no setting '{key}'.{hint} Accepted are {', '.join(known)}.")
         try:
             made = self.settings_type(**{**self.defaults(scene, division), **(overrides or {})})
         except ValidationError as error:

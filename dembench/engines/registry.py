@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from functools import cache
-from importlib import import_module
-from importlib.metadata import entry_points
 
+from dembench import plugins
 from dembench.engines.base import Engine
 
 BUILT_IN = {
@@ -14,20 +12,16 @@ BUILT_IN = {
     "peclet-hertz": "dembench.engines.peclet_hertz:PecletHertz",
     "liggghts": "dembench.engines.liggghts:Liggghts",
 }
+GROUP = "dembench.engines"
 
 
 class UnknownEngine(ValueError):
     """A name that no engine has."""
 
 
-@cache
-def _announced() -> dict[str, str]:
-    return {point.name: point.value for point in entry_points(group="dembench.engines")}
-
-
 def names() -> list[str]:
     """Names of all engines, the built-in ones first."""
-    return [*BUILT_IN, *sorted(set(_announced()) - set(BUILT_IN))]
+    return plugins.names(BUILT_IN, GROUP)
 
 
 @cache
@@ -37,10 +31,8 @@ def engine(name: str) -> Engine:
     Raises:
         UnknownEngine: No engine has that name; the nearest known one is named.
     """
-    target = BUILT_IN.get(name) or _announced().get(name)
-    if target is None:
-        near = difflib.get_close_matches(name, names(), n=1)
-        hint = f" Did you mean '{near[0]}'?" if near else ""
+    if name not in names():
+        hint = plugins.nearest(name, names())
         raise UnknownEngine(f"no engine is called '{name}'.{hint} Known are {', '.join(names())}.")
-    module, _, attribute = target.partition(":")
-    return getattr(import_module(module), attribute)()
+    found: Engine = plugins.load(name, BUILT_IN, GROUP)
+    return found

@@ -203,7 +203,7 @@ def test_what_it_cannot_do_is_named(changes: dict[str, Any], named: str) -> None
 
 
 def test_settings_are_checked() -> None:
-    with pytest.raises(SettingsError, match="did you mean 'ranks'"):
+    with pytest.raises(SettingsError, match="Did you mean 'ranks'"):
         Liggghts().settings(scene(), "closed", {"rank": "2"})
     with pytest.raises(SettingsError, match="ranks"):
         Liggghts().settings(scene(), "closed", {"ranks": "0"})

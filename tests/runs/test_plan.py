@@ -99,7 +99,7 @@ def test_more_cores_than_there_are_is_refused(standin, small_scene, tmp_path):
 
 
 def test_an_unknown_setting_names_the_accepted_ones(standin, small_scene, tmp_path):
-    with pytest.raises(SettingsError, match="did you mean 'threads'"):
+    with pytest.raises(SettingsError, match="Did you mean 'threads'"):
         _plan(small_scene(), tmp_path, EngineChoice("standin", {"thread": "1"}))
 
 
