@@ -61,6 +61,8 @@ SOFT_YOUNG, HARD_YOUNG = 5e6, 1e9
 LOWEST_RESTITUTION = 0.05
 IDS_PER_LINE = 1000
 SEGMENTS = 100
+PARTICLE_STEPS_PER_SECOND = 2.4e6
+"""Throughput of one rank on which run-time estimates are based."""
 LARGE_RATIO = 3.0
 """Ratio of radii above which the neighbour settings for a large ball among small grains are the default."""
 
@@ -194,6 +196,11 @@ class Liggghts(Engine):
         timing = Timing() if loop is None else Timing(loop=loop, source="engine")
         time = last_step(text) * settings.dt
         return Series(frames, tracks, timing, time, failure, detail, counters_in(text))
+
+    def estimate(self, scene: Scene, settings: LiggghtsSettings) -> float:
+        """See `Engine.estimate`."""
+        steps = scene.duration / settings.dt
+        return 2 + steps * len(scene.bodies) / PARTICLE_STEPS_PER_SECOND / settings.ranks
 
 
 def _wanted() -> str:
