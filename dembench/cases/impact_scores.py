@@ -16,7 +16,7 @@ FREE_FALL_TOLERANCE = 1e-3
 FLOOR_TOLERANCE = 0.01
 ENERGY_TOLERANCE = 0.01
 
-UNITS = {
+QUANTITIES = {
     "deepest": ("Deepest point of the ball, 1 ms samples", "m"),
     "deepest_between": ("Deepest point of the ball, between samples too", "m"),
     "deepest_time": ("Time of the deepest 1 ms sample", "s"),
@@ -28,6 +28,7 @@ UNITS = {
     "floor_clearance": ("Smallest gap between ball and floor", "m"),
     "energy_excess": ("Largest kinetic and potential energy above that at the start", "J"),
 }
+"""Title and unit of every quantity, in the order of tables."""
 
 
 def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
@@ -42,11 +43,11 @@ def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
     if "energy" in seen and len(seen["energy"].time):
         total = np.asarray(seen["energy"].value).sum(axis=1)
         found["energy_excess"] = float(total.max() - total[0])
-    return [Quantity(name, *_titled(name, value)) for name, value in found.items() if value is not None]
+    return [Quantity(name, *_titled(name, value)) for name in QUANTITIES if (value := found.get(name)) is not None]
 
 
 def _titled(name: str, value: float) -> tuple[str, float, str]:
-    title, unit = UNITS[name]
+    title, unit = QUANTITIES[name]
     return title, value, unit
 
 
