@@ -121,7 +121,7 @@ def references(scene: Scene, published: Mapping[str, Any], bed: str | None) -> l
                     value=entry["value"],
                     low=entry.get("low"),
                     high=entry.get("high"),
-                    unit=UNITS[entry["quantity"]][1],
+                    unit=QUANTITIES[entry["quantity"]][1],
                     source=f"{entry['source']}; doi {published['doi']}",
                     kind=entry["kind"],
                 )
