@@ -24,8 +24,9 @@ MARGIN = 0.01
 """Rows are kept for gaps that stay below this at the end of the step, in smallest diameters."""
 SLOP = 5e-5
 """Overlap that the position pass leaves, in smallest diameters."""
-SKIN, SKIN_STEPS = 0.1, 3
-"""Gap up to which pairs are listed: at least this many smallest diameters, and room for this many steps."""
+SKIN, SKIN_STEPS, SKIN_LIMIT = 0.1, 3, 0.4
+"""Gap up to which pairs are listed: at least SKIN smallest diameters; room for SKIN_STEPS steps of the fastest body, but for
+one step only where that is more than SKIN_LIMIT diameters: long lists cost more memory than rebuilds cost time."""
 BIG_SKIN = 0.5
 """Gap up to which bodies are candidates of a large body, in smallest diameters and beyond one step of travel."""
 
@@ -112,7 +113,8 @@ class Impulses:
         reach = self.dt * (float(speed[: s.n].max(initial=0)) + self._fall)
         reach_big = self.dt * (float(speed[s.n :].max(initial=0)) + self._fall)
         margin = MARGIN * s.diameter
-        s.skin = max(SKIN * s.diameter, 2 * SKIN_STEPS * reach + margin)
+        wanted = min(2 * SKIN_STEPS * reach + margin, SKIN_LIMIT * s.diameter)
+        s.skin = max(SKIN * s.diameter, wanted, 2 * reach + margin)
         self._big_skin = BIG_SKIN * s.diameter + 2 * (reach + reach_big) + margin
         s.rebuild()
         self._travel.numpy()[[0, 2]] = 0.0, -1.0
