@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -13,9 +14,8 @@ from dembench.reports.report import render
 from dembench.runs.directory import find_runs
 
 
-@pytest.fixture(scope="session")
-def stand_ins() -> Iterator[None]:
-    """Registers the stand-in engines."""
+@contextmanager
+def _registered() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registry, "BUILT_IN", dict(STAND_INS))
         registry.engine.cache_clear()
@@ -23,13 +23,22 @@ def stand_ins() -> Iterator[None]:
     registry.engine.cache_clear()
 
 
+@pytest.fixture(autouse=True)
+def stand_ins() -> Iterator[None]:
+    """Registers the stand-in engines, for the tests of this folder alone."""
+    with _registered():
+        yield
+
+
 @pytest.fixture(scope="session")
-def runs(stand_ins: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory with runs in every state."""
-    return every_state(tmp_path_factory.mktemp("campaign"))
+    with _registered():
+        return every_state(tmp_path_factory.mktemp("campaign"))
 
 
 @pytest.fixture(scope="session")
 def page(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of these runs."""
-    return render(find_runs(runs), tmp_path_factory.mktemp("page") / "report.html")
+    with _registered():
+        return render(find_runs(runs), tmp_path_factory.mktemp("page") / "report.html")

@@ -25,8 +25,8 @@ MARGIN = 0.01
 SLOP = 5e-5
 """Overlap that the position pass leaves, in smallest diameters."""
 SKIN, SKIN_STEPS, SKIN_LIMIT = 0.1, 3, 0.4
-"""Gap up to which pairs are listed: at least SKIN smallest diameters; room for SKIN_STEPS steps of the fastest body, but for
-one step only where that is more than SKIN_LIMIT diameters: long lists cost more memory than rebuilds cost time."""
+"""Gap up to which pairs are listed: at least SKIN smallest diameters; room for SKIN_STEPS steps of the fastest body,
+but for one step only where that is more than SKIN_LIMIT diameters: long lists cost more memory than rebuilds time."""
 BIG_SKIN = 0.5
 """Gap up to which bodies are candidates of a large body, in smallest diameters and beyond one step of travel."""
 
@@ -121,11 +121,14 @@ class Impulses:
         walls = int(s.wall_count.numpy()[0])
         contacts = int(s.pair_count.numpy()[0]) + walls + (s.big_capacity if s.big_rows else 0)
         if self._rows.i is None or len(self._rows.i) < contacts or len(self._rows.u) < s.total + walls:
-            self._allocate(int(1.1 * contacts) + 64, int(1.2 * walls) + 64)
+            self._allocate(int(1.05 * contacts) + 64, int(1.2 * walls) + 64)
 
     def _allocate(self, n: int, walls: int) -> None:
         s, vec8 = self.state, self.state.types.vec8
         rows = self._rows
+        # the old arrays go first: both together would be the peak of the memory
+        for name, kind in (("i", wp.int32), ("j", wp.int32), ("slot", wp.int32), ("a", vec8), ("b", vec8), ("u", vec8)):
+            setattr(rows, name, wp.zeros(1, dtype=kind, device="cpu"))
         rows.i, rows.j, rows.slot = (wp.zeros(n, dtype=wp.int32, device="cpu") for _ in range(3))
         rows.a, rows.b = (wp.zeros(n, dtype=vec8, device="cpu") for _ in range(2))
         rows.u = wp.zeros(s.total + walls, dtype=vec8, device="cpu")
