@@ -266,7 +266,9 @@ def doctor(json_: Json = False) -> None:
     if json_:
         _print_json(found)
         return
-    for key, value in {**found["machine"], **{k: found[k] for k in ("devices", "cache", "kernel_cache")}}.items():
+    shown = {**found["machine"], **{key: found[key] for key in ("devices", "cache", "kernel_cache")}}
+    shown["memory"] = f"{shown['memory'] / 1e9:.1f} GB"
+    for key, value in shown.items():
         console.line(f"{key}: {', '.join(value) or 'none' if isinstance(value, list) else value}")
     engines(json_=False)
 
