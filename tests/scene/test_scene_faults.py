@@ -65,7 +65,9 @@ def test_missing_pair_law_names_the_pair():
 
 
 def test_a_pair_of_wall_materials_alone_needs_no_law():
-    scene_from(GOOD)  # there is no steel-steel law, and no two steel things can touch
+    scene = scene_from(GOOD)  # no two steel things can touch
+    with pytest.raises(KeyError, match="steel-steel"):
+        scene.pair_law("steel", "steel")
 
 
 @pytest.mark.parametrize("radius", [-0.001, 0.0, "thick", None])
