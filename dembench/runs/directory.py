@@ -153,10 +153,6 @@ class RunRecord:
         except (OSError, ValueError):
             return {}
 
-    def logs(self) -> list[Path]:
-        """The log files that are not empty, by name."""
-        return sorted(p for p in (self.directory / "log").glob("*") if p.is_file() and p.stat().st_size)
-
 
 def find_runs(path: Path) -> list[RunRecord]:
     """The runs in a directory, or the one that it is, by name.

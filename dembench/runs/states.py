@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from dembench.scene.base import Model
 
 State = Literal["running", "ok", "inaccurate", "failed", "timeout", "interrupted", "skipped", "missing"]
-STATES: tuple[State, ...] = get_args(State)
 FINISHED: tuple[State, ...] = ("ok", "inaccurate", "skipped")
 """States that are reused; a run in any other state is run again."""
 

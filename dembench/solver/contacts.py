@@ -56,6 +56,24 @@ def lever_function(o: StepOptions) -> Any:
 
 
 @cache
+def load_function(o: StepOptions) -> Any:
+    """Force and torque of one contact as a row of `load`: a Warp function (force, n x tangential force, lever arm)."""
+    t = types(o.law.precision)
+    real, vec3, vec8 = t.real, t.vec3, t.vec8
+    friction = o.law.friction
+
+    @wp.func
+    def load_of(f: vec3, torque: vec3, arm: real):
+        z = real(0.0)
+        row = vec8(f[0], f[1], f[2], z, z, z, z, z)
+        if wp.static(friction):
+            row = vec8(f[0], f[1], f[2], z, -arm * torque[0], -arm * torque[1], -arm * torque[2], z)
+        return row
+
+    return load_of
+
+
+@cache
 def force_functions(o: StepOptions) -> Any:
     """Warp functions (pair, wall, spin): one contact of two bodies, one of a body and a wall feature, and a spin."""
     t = types(o.law.precision)

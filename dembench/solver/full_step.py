@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.contacts import StepOptions, force_functions, lever_function
+from dembench.solver.contacts import StepOptions, force_functions, lever_function, load_function
 from dembench.solver.full_lists import MARK, full_lists_type
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types, vec8d
@@ -35,7 +35,7 @@ def full_kernels(o: StepOptions) -> Any:
     Bodies, PairClass, Wall = t.Bodies, t.PairClass, t.Wall
     FullLists = full_lists_type(o.law.precision)
     pair, wall, spin = force_functions(o)
-    lever = lever_function(o)
+    lever, load_of = lever_function(o), load_function(o)
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     walls, rotation, friction = o.walls, o.rotation, o.law.friction
 
@@ -125,11 +125,7 @@ def full_kernels(o: StepOptions) -> Any:
         if wp.static(friction):
             wa, wc = spin(b, a), spin(b, c)
         f, torque, after, overlap = pair(ka, kc, wa, wc, memory, of_pair(b, a, c, table, columns), dt)
-        f = sign * f
-        arm = lever(b.kin[i], overlap)
-        z = real(0.0)
-        load = vec8(f[0], f[1], f[2], z, -arm * torque[0], -arm * torque[1], -arm * torque[2], z)
-        return load, after, overlap
+        return load_of(sign * f, torque, lever(b.kin[i], overlap)), after, overlap
 
     @wp.func
     def apart(b: Bodies, i: int, j: int):
@@ -162,8 +158,7 @@ def full_kernels(o: StepOptions) -> Any:
                     memory = lists.wall_memory[slot]
             f, torque, after, overlap = wall(b, i, features[k], memory, table, columns, dt)
             if overlap > z:
-                arm = lever(b.kin[i], overlap)
-                sum = sum + vec8(f[0], f[1], f[2], z, -arm * torque[0], -arm * torque[1], -arm * torque[2], z)
+                sum = sum + load_of(f, torque, lever(b.kin[i], overlap))
                 if wp.static(friction):
                     lists.wall_memory[slot] = after
                 lists.wall[slot] = k + MARK

@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.contacts import StepOptions, force_functions, lever_function
+from dembench.solver.contacts import StepOptions, force_functions, lever_function, load_function
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import RADII, pair_lookup
 from dembench.solver.sync import barrier, row_functions
@@ -36,7 +36,7 @@ def advance_kernel(o: StepOptions) -> Any:
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
     pair, wall, spin = force_functions(o)
-    lever = lever_function(o)
+    lever, load_of = lever_function(o), load_function(o)
     rows = row_functions(Bodies, vec8, Lists, vec4)
     kin_of, spin_of, add_load, prefetch = rows.kin, rows.spin, rows.add_load, rows.prefetch
     memory_of, set_memory, entry = rows.memory_of, rows.set_memory, rows.entry
@@ -76,15 +76,6 @@ def advance_kernel(o: StepOptions) -> Any:
         b.kin[i] = vec8d(k[0] + dt * k[3], k[1] + dt * k[4], k[2] + dt * k[5], k[3], k[4], k[5], k[6], k[7])
         b.load[i] = vec8()
         return k[3] * k[3] + k[4] * k[4] + k[5] * k[5]
-
-    @wp.func
-    def load_of(f: vec3, torque: vec3, arm: real):
-        """Force and torque of one contact as a row of `load`."""
-        z = real(0.0)
-        row = vec8(f[0], f[1], f[2], z, z, z, z, z)
-        if wp.static(friction):
-            row = vec8(f[0], f[1], f[2], z, -arm * torque[0], -arm * torque[1], -arm * torque[2], z)
-        return row
 
     @wp.func
     def near_pairs(

@@ -74,7 +74,6 @@ def pair_constants(elastic: Elastic, law: PairLaw, radius: float, mass: float, u
         "mu": law.friction,
         "m": m,
         "e": law.restitution,
-        "beta": law.tangential_restitution or 0.0,
     }
 
 
