@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dembench.results.overlap import largest_overlap
 from dembench.results.schema import Observed, SnapshotSeries, channels, snapshot_times
 from dembench.scene import CentreOfMass, Count, Energy, Overlap, Scene, Snapshot, Trajectory, ZoneCount
+from dembench.scene.overlap import largest_overlap
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """WHAT is simulated: an engine-neutral scene as frozen data in SI units."""
 
+from dembench.scene.arrays import scene_from_arrays
 from dembench.scene.bodies import Bodies
 from dembench.scene.checks import check_scene
 from dembench.scene.features import Features, features
@@ -53,5 +54,6 @@ __all__ = [
     "load_scene",
     "save_scene",
     "scene_from",
+    "scene_from_arrays",
     "scene_schema",
 ]

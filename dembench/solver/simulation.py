@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 import time
 from collections.abc import Callable
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from dembench.scene import Scene
+from dembench.scene import Rigid, Scene, scene_from_arrays
+from dembench.scene.overlap import largest_overlap
 from dembench.solver import soft
 from dembench.solver.full import FullSpheres, check_device
 from dembench.solver.full_state import FullState
@@ -29,13 +31,14 @@ class Simulation:
         midpoint: Dashpots use the mean velocity of the step, which allows a larger step.
         allow_unstable: Accept a step beyond the stability guard; `warnings` then says so.
         method: "soft-sphere" (the scene's Hertz-Mindlin law) or "impulse" (rigid contacts with the restitution and
-            friction of the pair laws).
+            friction of the pair laws); None takes "impulse" where the scene's law is rigid, else "soft-sphere".
         velocity_sweeps, position_sweeps: Largest number of sweeps per step of the impulse solver.
         device: "cpu", or a CUDA device such as "cuda:0" for the soft-sphere solver.
         lists: Neighbour lists of the soft-sphere solver: "half" (threads of the CPU) or "full" (CUDA devices; also runs
             on the CPU, with one thread). None takes what the device needs.
 
     Attributes:
+        scene, dt: See above.
         steps: Steps made.
         warnings: What the user should know about the settings.
         compile_seconds: Time spent on compiling or loading kernels [s].
@@ -52,12 +55,13 @@ class Simulation:
         precision: str = "float32",
         midpoint: bool = False,
         allow_unstable: bool = False,
-        method: str = "soft-sphere",
+        method: str | None = None,
         velocity_sweeps: int = 8,
         position_sweeps: int = 12,
         device: str = "cpu",
         lists: Literal["half", "full"] | None = None,
     ):
+        method = method or ("impulse" if isinstance(scene.law, Rigid) else "soft-sphere")
         solvers = {"soft-sphere": soft.unsupported, "impulse": impulse.unsupported}
         if method not in solvers:
             raise SolverError(f"method '{method}' is not known; accepted are {', '.join(solvers)}")
@@ -85,14 +89,37 @@ class Simulation:
         begin = time.perf_counter()
         soft.load(device, *self._stepper.kernels, *vars(self.state.kernels).values())
         self.compile_seconds = time.perf_counter() - begin
-        self._stepper.prepare()
+        self._changed = True
+        self._refresh()
+
+    @classmethod
+    def from_arrays(cls, position: Any, radius: Any, **arguments: Any) -> Simulation:
+        """A simulation of spheres from arrays and numbers.
+
+        Args:
+            position: Centres [m], shape (n, 3).
+            radius: Radii [m], a number or shape (n,).
+            arguments: Other arguments of `dembench.scene.scene_from_arrays` and of `Simulation`.
+
+        Raises:
+            ValueError: An array or a number is not accepted; the message names the field.
+            SolverError: As for `Simulation`.
+        """
+        known = inspect.signature(cls).parameters
+        own = {name: arguments.pop(name) for name in list(arguments) if name in known}
+        return cls(scene_from_arrays(position, radius, **arguments), **own)
 
     def step(self, n: int = 1, progress: Callable[[int], None] | None = None) -> None:
-        """Advances by n steps; `progress` is called with the number of steps made so far of the n.
+        """Advances by n steps.
+
+        Args:
+            n: Number of steps.
+            progress: Called with the number of steps made so far of the n, at least whenever the lists are rebuilt.
 
         Raises:
             SolverError: A velocity is no longer finite; the message names the step.
         """
+        self._refresh()
         made = 0
         while made < n:
             try:
@@ -111,19 +138,50 @@ class Simulation:
         return self.steps * self.dt
 
     @property
+    def ids(self) -> np.ndarray:
+        """Ids of the bodies in the order of all arrays, shape (n,), ascending: indices into the scene's bodies."""
+        return np.arange(self.state.total)
+
+    @property
+    def radii(self) -> np.ndarray:
+        """Radii [m], shape (n,)."""
+        return self.scene.radii()[self.ids]
+
+    @property
+    def masses(self) -> np.ndarray:
+        """Masses [kg], shape (n,)."""
+        return self.scene.masses()[self.ids]
+
+    @property
     def position(self) -> np.ndarray:
-        """Centres [m], shape (n, 3)."""
+        """Centres [m], shape (n, 3); can be set."""
         return self.state.read("kin", 0, self.units.length)
+
+    @position.setter
+    def position(self, value: Any) -> None:
+        self._write("position", value, "kin", 0, self.units.length)
 
     @property
     def velocity(self) -> np.ndarray:
-        """Velocities [m/s], shape (n, 3)."""
+        """Velocities [m/s], shape (n, 3); can be set, but fixed bodies stay at rest."""
         return self.state.read("kin", 3, self.units.velocity)
+
+    @velocity.setter
+    def velocity(self, value: Any) -> None:
+        self._write("velocity", value, "kin", 3, self.units.velocity, ("fixed",))
 
     @property
     def angular_velocity(self) -> np.ndarray:
-        """Angular velocities [rad/s], shape (n, 3)."""
+        """Angular velocities [rad/s], shape (n, 3); can be set, but fixed and rotation-locked bodies do not turn."""
         return self.state.read("spin", 0, 1 / self.units.time)
+
+    @angular_velocity.setter
+    def angular_velocity(self, value: Any) -> None:
+        self._write("angular_velocity", value, "spin", 0, 1 / self.units.time, ("fixed", "rotation-locked"))
+
+    def overlap(self) -> float:
+        """Largest overlap of two bodies at present [m], 0 where none touch."""
+        return largest_overlap(self.position, self.radii, self.scene.domain)
 
     def largest_overlap(self) -> float:
         """Largest overlap of two bodies met in any step since the start [m]."""
@@ -131,8 +189,8 @@ class Simulation:
 
     def kinetic_energy(self) -> float:
         """Translational and rotational kinetic energy [J]."""
-        mass = self.scene.masses()
-        inertia = 0.4 * mass * self.scene.radii() ** 2
+        mass = self.masses
+        inertia = 0.4 * mass * self.radii**2
         energy = mass @ (self.velocity**2).sum(axis=1) + inertia @ (self.angular_velocity**2).sum(axis=1)
         return 0.5 * float(energy)
 
@@ -144,3 +202,34 @@ class Simulation:
             "largest overlap in any step [m]": self.largest_overlap(),
             **self._stepper.counters(),
         }
+
+    # ---- changes of the state
+
+    def _write(
+        self, field: str, value: Any, name: str, first: int, scale: float, without: tuple[str, ...] = ()
+    ) -> None:
+        """Sets three columns of a state array, but those of bodies under a constraint `without` to zero."""
+        array = self._vectors(field, value)
+        for constraint in self.scene.constraints:
+            if constraint.kind in without:
+                array[np.isin(self.ids, constraint.bodies)] = 0
+        self.state.write(name, first, array, scale)
+        self._changed = True
+
+    def _vectors(self, field: str, value: Any) -> np.ndarray:
+        """A copy of an array with a finite vector for each body; SolverError names the field and the body."""
+        array = np.array(value, dtype=np.float64)
+        if array.shape != (self.state.total, 3):
+            raise SolverError(f"{field}: shape {array.shape} is given, accepted is ({self.state.total}, 3)")
+        bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+        if len(bad):
+            raise SolverError(
+                f"{field}: particle {self.ids[bad[0]]} has the value {array[bad[0]]}; accepted are finite numbers"
+            )
+        return array
+
+    def _refresh(self) -> None:
+        """Lists and forces of a state that was changed from outside; the contact memory of lasting contacts stays."""
+        if self._changed:
+            self._changed = False
+            self._stepper.prepare()

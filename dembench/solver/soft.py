@@ -43,6 +43,7 @@ class SoftSpheres:
     def prepare(self) -> None:
         """Builds the lists and evaluates the forces of the initial state, without growth of the contact springs."""
         self._rebuild()
+        self.state.bodies.load.zero_()
         flags = self._flags.numpy()
         flags[4] = 1
         self._launch(0, 0.0)

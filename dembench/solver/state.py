@@ -140,19 +140,18 @@ class State:
                 velocity[held] = 0
             if constraint.kind != "kinematic":
                 spin[held] = 0
-        self.write(scene.bodies.position, velocity, spin)
+        self.write("kin", 0, scene.bodies.position, u.length)
+        self.write("kin", 3, velocity, u.velocity)
+        self.write("spin", 0, spin, 1 / u.time)
 
     # ---- state in and out, in the order of the scene
 
-    def write(self, position: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> None:
-        """Takes positions [m], velocities [m/s] and angular velocities [rad/s], shape (n, 3), in the scene's order."""
-        ids, u = self.identity.numpy(), self.units
-        kin, turn = self.bodies.kin.numpy(), self.bodies.spin.numpy()
-        kin[:, 0:3] = position[ids] / u.length
-        kin[:, 3:6] = velocity[ids] / u.velocity
-        turn[:, 0:3] = spin[ids] * u.time
-        self.bodies.kin.assign(kin)
-        self.bodies.spin.assign(turn)
+    def write(self, name: str, first: int, values: np.ndarray, scale: float) -> None:
+        """Sets three columns of kin or spin from values in the scene's order and a unit, shape (n, 3)."""
+        array = getattr(self.bodies, name)
+        columns = array.numpy()
+        columns[: self.total, first : first + 3] = values[self.identity.numpy()[: self.total]] / scale
+        array.assign(columns)
 
     def read(self, name: str, first: int, scale: float) -> np.ndarray:
         """Three columns of kin, spin or load in the scene's order, times a unit, shape (n, 3), float64."""

@@ -9,8 +9,8 @@ import pytest
 from conftest import falling_frames, falling_tracks
 
 from dembench.results import Observer, observe
-from dembench.results.overlap import largest_overlap
 from dembench.scene import Domain, Region, Sink, Trajectory, WallForce
+from dembench.scene.overlap import largest_overlap
 
 DT = 1e-5
 

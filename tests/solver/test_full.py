@@ -179,7 +179,7 @@ def test_a_blown_up_state_is_refused() -> None:
     simulation = full(impact(3), 0)
     velocity = simulation.velocity
     velocity[5] = np.nan
-    simulation.state.write(simulation.position, velocity, simulation.angular_velocity)
+    simulation.state.write("kin", 3, velocity, simulation.units.velocity)
     with pytest.raises(SolverError, match=r"step 0 .*not finite"):
         simulation.step(1)
 

@@ -160,7 +160,7 @@ def test_a_velocity_that_is_not_a_number_ends_the_run_with_its_step(method: str)
     simulation.step(40)
     velocity = simulation.velocity
     velocity[3, 1] = np.nan
-    simulation.state.write(simulation.position, velocity, simulation.angular_velocity)
+    simulation.state.write("kin", 3, velocity, simulation.units.velocity)
     with pytest.raises(SolverError, match=r"step 4[01] .*a velocity is not finite") as raised:
         simulation.step(100)
     assert raised.value.reason == "nan"

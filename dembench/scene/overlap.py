@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dembench.scene import Domain
+from dembench.scene.scene import Domain
 
 
 def largest_overlap(position: np.ndarray, radius: np.ndarray, domain: Domain | None = None) -> float:
