@@ -19,7 +19,7 @@ def drops(method: str, height: Any = (1.0, 2.0), **changes: Any) -> Simulation:
     """Spheres of radius 0.1 m above a floor, far from each other."""
     position = [[k, 0, z] for k, z in enumerate(height)]
     law = HertzMindlin() if method == "soft-sphere" else None
-    given = {"law": law, "walls": [FLOOR], "young": 1e6, "restitution": 0.5, "friction": 0.3, "dt": 1e-4, **changes}
+    given = {"law": law, "walls": [FLOOR], "young": 1e8, "restitution": 0.5, "friction": 0.3, "dt": 1e-4, **changes}
     return Simulation.from_arrays(position, 0.1, **given)
 
 
