@@ -63,7 +63,7 @@ class PairLaw(Model):
 
     Attributes:
         a, b: Names of the two materials.
-        restitution: Normal coefficient of restitution [-], above 0 and at most 1.
+        restitution: Normal coefficient of restitution [-], 0 to 1.
         friction: Coulomb sliding friction coefficient [-].
         tangential_restitution: Tangential restitution of an impulse law [-]; None means 0.
         rolling_friction: Coefficient of rolling friction [-].
@@ -71,7 +71,7 @@ class PairLaw(Model):
 
     a: Name
     b: Name
-    restitution: Annotated[float, Field(gt=0, le=1)]
+    restitution: Annotated[float, Field(ge=0, le=1)]
     friction: NotNegative
     tangential_restitution: Annotated[float, Field(ge=-1, le=1)] | None = None
     rolling_friction: NotNegative = 0.0

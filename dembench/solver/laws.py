@@ -56,8 +56,9 @@ class Elastic:
         for m in (a, b):
             compliance += (1 - m.poisson**2) / m.young
             shear += (2 - m.poisson) * 2 * (1 + m.poisson) / m.young
-        log = math.log(law.restitution)
-        return cls(1 / compliance, 1 / shear, -log / math.hypot(log, math.pi))
+        e = law.restitution
+        damping = math.log(1 / e) / math.hypot(math.log(e), math.pi) if e else 1.0
+        return cls(1 / compliance, 1 / shear, damping)
 
 
 def pair_constants(elastic: Elastic, law: PairLaw, radius: float, mass: float, units: Units) -> dict[str, float]:
@@ -74,6 +75,7 @@ def pair_constants(elastic: Elastic, law: PairLaw, radius: float, mass: float, u
         "mu": law.friction,
         "m": m,
         "e": law.restitution,
+        "beta": law.tangential_restitution or 0.0,
     }
 
 

@@ -26,7 +26,7 @@ def types(precision: str) -> Any:
 
     PairClass: constants of a pair of species, of a species and a wall, or of two radii. radii: sum of the radii;
     kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4);
-    mu: friction; m: reduced mass; e: restitution.
+    mu: friction; m: reduced mass; e, beta: normal and tangential restitution.
 
     Wall: one feature of a wall. shape: 0 plane, 1 mantle of revolution.
 
@@ -53,6 +53,7 @@ def types(precision: str) -> Any:
         mu: real
         m: real
         e: real
+        beta: real
 
     class Wall:
         shape: wp.int32

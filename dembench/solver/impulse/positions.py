@@ -1,11 +1,14 @@
-"""The position pass: overlaps that are left after the drift are pushed apart, without momentum."""
+"""The position pass: overlaps that are left after the drift are pushed apart, without momentum.
+
+The load that it carries, mass times shift over dt, counts in the Coulomb bound of the next step.
+"""
 
 from functools import cache
 from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.rows import ImpulseOptions, row_types
+from dembench.solver.impulse.rows import ImpulseOptions, direction_function, row_types
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls import wall_distance
 
@@ -14,9 +17,10 @@ from dembench.solver.walls import wall_distance
 def position_sweep(o: ImpulseOptions) -> Any:
     """A Warp function (bodies, lists, rows, ..., reverse) that visits every row and returns the largest overlap."""
     t = types(o.precision)
-    Bodies, Wall, Lists = t.Bodies, t.Wall, t.Lists
+    real, Bodies, Wall, Lists = t.real, t.Bodies, t.Wall, t.Lists
     Rows = row_types(o.precision)
     distance_of = wall_distance(o.precision, o.curved)
+    direction = direction_function(o.precision)
     walls = o.walls
 
     @wp.func
@@ -32,6 +36,7 @@ def position_sweep(o: ImpulseOptions) -> Any:
         features: wp.array(dtype=Wall),
         total: int,
         slop: wp.float64,
+        dt: wp.float64,
         reverse: int,
     ):
         zero = wp.float64(0.0)
@@ -49,13 +54,17 @@ def position_sweep(o: ImpulseOptions) -> Any:
                 d = xi - wp.vec3d(kj[0], kj[1], kj[2])
                 reach = ki[6] + kj[6]
                 r2 = wp.dot(d, d)
-                if r2 < reach * reach and r2 > zero:
+                if r2 < reach * reach:
                     length = wp.sqrt(r2)
                     overlap = reach - length
                     mj = wp.float64(b.inv_m[j])
                     largest = wp.max(largest, overlap)
                     if overlap > slop and mi + mj > zero:
-                        push = d * (overlap / (length * (mi + mj)))
+                        n = wp.vec3d(direction(i, j))
+                        if length > zero:
+                            n = d / length
+                        push = n * (overlap / (mi + mj))
+                        rows.push[r] = rows.push[r] + real(overlap / ((mi + mj) * dt))
                         b.kin[i] = shifted(ki, mi * push)
                         b.kin[j] = shifted(kj, -mj * push)
             elif wp.static(walls):
@@ -63,6 +72,7 @@ def position_sweep(o: ImpulseOptions) -> Any:
                 overlap = ki[6] - distance
                 largest = wp.max(largest, overlap)
                 if overlap > slop and mi > zero:
+                    rows.push[r] = rows.push[r] + real(overlap / (mi * dt))
                     b.kin[i] = shifted(ki, normal * overlap)
         return largest
 

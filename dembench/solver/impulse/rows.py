@@ -1,8 +1,7 @@
 """Rows: the contacts that a step may need, one per pair and wall feature, chosen at the start of the step.
 
 A row is kept for every pair whose gap can close within the step. Normals and gaps are those at the start of the step;
-a positive gap enters as v' >= -gap/dt. A pair that meets faster than the event speed rebounds with its restitution
-instead (Newton's law); slower contacts rest.
+a positive gap enters as v' >= -gap/dt.
 """
 
 from dataclasses import dataclass
@@ -41,9 +40,10 @@ def row_types(precision: str) -> Any:
     """The record Rows.
 
     i, j: indices into u; slot: where the impulses are remembered; a: normal (0-2), target, normal and tangential
-    effective mass, friction, radius of i; b: radius of j, normal impulse, tangential impulse (4-6); u: velocity (0-2),
-    inverse mass, angular velocity (4-6), inverse inertia of bodies and, behind them, of the walls in contact; x:
-    positions at the start of the step.
+    effective mass, friction, radius of i; b: radius of j, normal impulse, restitution, tangential restitution,
+    tangential impulse (4-6), load that the last position pass carried; push: load that the position pass of this step
+    carries; u: velocity (0-2), inverse mass, angular velocity (4-6), inverse inertia of bodies and, behind them, of the
+    walls in contact; x: positions at the start of the step.
     """
     t = types(precision)
     vec8 = t.vec8
@@ -54,11 +54,31 @@ def row_types(precision: str) -> Any:
         slot: wp.array(dtype=wp.int32)
         a: wp.array(dtype=vec8)
         b: wp.array(dtype=vec8)
+        push: wp.array(dtype=t.real)
         u: wp.array(dtype=vec8)
+        hit: wp.array(dtype=wp.int32)
         x: wp.array(dtype=wp.vec3d)
 
     Rows.__qualname__ = Rows.__name__ = f"Rows_{precision}"
     return wp.struct(Rows)
+
+
+@cache
+def direction_function(precision: str) -> Any:
+    """Direction in which two bodies with the same centre part, as a Warp function (i, j) -> unit vector.
+
+    It depends on the two indices alone, so a run can be repeated, and many bodies at one point part in all directions.
+    """
+    t = types(precision)
+    real, vec3 = t.real, t.vec3
+
+    @wp.func
+    def direction(i: int, j: int):
+        seed = wp.rand_init(i, j)
+        d = wp.sample_unit_sphere_surface(seed)
+        return vec3(real(d[0]), real(d[1]), real(d[2]))
+
+    return direction
 
 
 @cache
@@ -70,6 +90,7 @@ def row_functions(o: ImpulseOptions) -> Any:
     Rows = row_types(o.precision)
     of_pair, of_wall = pair_lookup(o.precision, o.pairs)
     distance_of = wall_distance(o.precision, o.curved)
+    direction = direction_function(o.precision)
     friction, moving = o.friction, o.moving
 
     @wp.func
@@ -88,23 +109,27 @@ def row_functions(o: ImpulseOptions) -> Any:
         dt: real,
         event: real,
     ):
-        """Writes a row and applies the impulses of the last step."""
+        """Writes a row with the impulses of the last step. Memory: tangential impulse, along n the load that the
+        position pass carried, and the normal impulse."""
         ui, uj = rows.u[i], rows.u[j]
-        vn = n[0] * (ui[0] - uj[0]) + n[1] * (ui[1] - uj[1]) + n[2] * (ui[2] - uj[2])
         target = wp.min(-gap / dt, real(0.0))
-        if vn < -event and gap + vn * dt < real(0.0):
-            target = -c.e * vn
         mass = real(1.0) / (ui[3] + uj[3])
         turning = real(1.0) / (ui[3] + uj[3] + ri * ri * ui[7] + rj * rj * uj[7])
         rows.i[at] = i
         rows.j[at] = j
         rows.slot[at] = slot
         rows.a[at] = vec8(n[0], n[1], n[2], target, mass, turning, c.mu, ri)
+        rows.push[at] = real(0.0)
         lt = vec3()
+        carried = real(0.0)
         if wp.static(friction):
             m = vec3(memory[0], memory[1], memory[2])
-            lt = m - wp.dot(m, n) * n
-        rows.b[at] = vec8(rj, memory[3], real(0.0), real(0.0), lt[0], lt[1], lt[2], real(0.0))
+            along = wp.dot(m, n)
+            lt = m - along * n
+            vn = n[0] * (ui[0] - uj[0]) + n[1] * (ui[1] - uj[1]) + n[2] * (ui[2] - uj[2])
+            if wp.abs(vn) < event:
+                carried = wp.max(along, real(0.0))
+        rows.b[at] = vec8(rj, memory[3], c.e, c.beta, lt[0], lt[1], lt[2], carried)
 
     @wp.func
     def add_pair(
@@ -129,7 +154,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         e = vec3(real(d[0]), real(d[1]), real(d[2]))
         r = wp.length(e)
         gap = -real(inside) / (real(reach) + r)
-        n = vec3(real(1.0), real(0.0), real(0.0))
+        n = direction(i, j)
         if r > real(0.0):
             n = e * (real(1.0) / r)
         vn = n[0] * real(d[3]) + n[1] * real(d[4]) + n[2] * real(d[5])
@@ -143,7 +168,7 @@ def row_functions(o: ImpulseOptions) -> Any:
     def pair_rows(
         b: Bodies,
         lists: Lists,
-        listed: int,
+        near: int,
         table: wp.array(dtype=PairClass),
         columns: int,
         dt: real,
@@ -153,7 +178,8 @@ def row_functions(o: ImpulseOptions) -> Any:
         capacity: int,
     ):
         found = int(0)
-        for k in range(listed):
+        for q in range(near):
+            k = lists.near[q]
             i, j = lists.i[k], lists.j[k]
             c = of_pair(b, i, j, table, columns)
             found = add_pair(b, rows, found, capacity, i, j, k, c, lists.memory[k], dt, event, margin)
@@ -217,6 +243,7 @@ def row_functions(o: ImpulseOptions) -> Any:
             if gap + wp.min(approach, real(0.0)) * dt < margin:
                 if found < capacity:
                     z = real(0.0)
+                    rows.hit[total + q] = 0
                     rows.u[total + q] = vec8(real(v[0]), real(v[1]), real(v[2]), z, z, z, z, z)
                     c = of_wall(b, i, features[f].kind, table, columns)
                     put(

@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.impulse.collisions import collide_function
 from dembench.solver.impulse.positions import position_sweep
 from dembench.solver.impulse.rows import ImpulseOptions, row_functions, row_types
 from dembench.solver.impulse.sweeps import sweep_functions
@@ -19,12 +20,14 @@ DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
 def impulse_kernel(o: ImpulseOptions) -> Any:
     """The kernel that makes up to `steps` steps.
 
-    Each step: gravity; rows from the lists; warm start; velocity sweeps until the largest correction is below `still`;
-    drift with the new velocities (symplectic); position sweeps until the largest overlap is below `slop`.
+    Each step: gravity; rows from the near pairs; collisions, until no pair meets faster than `event`; warm start;
+    velocity sweeps until the largest correction is below `still`; drift with the new velocities (symplectic); position
+    sweeps until the largest overlap is below `slop`.
 
     `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last step, 5 velocity sweeps and 6 position
-    sweeps made in all. `travel` (float64): 0 since the lists were built, 2 of large and small bodies since the
-    candidates were listed, 3 largest overlap left by a step.
+    sweeps made in all, 7 collisions of the last step. `travel` (float64): 0 since the lists were built, 1 since the
+    near pairs were picked, 2 of large and small bodies since the candidates were listed, 3 largest overlap left by a
+    step, 4 gap up to which pairs count as near.
     """
     t = types(o.precision)
     real, vec4, vec8 = t.real, t.vec4, t.vec8
@@ -32,8 +35,10 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     Rows = row_types(o.precision)
     pair_rows, big_rows, wall_rows = row_functions(o)
     warm_start, sweep, remember = sweep_functions(o)
+    collide = collide_function(o)
     push = position_sweep(o)
-    pick_big = near_functions(o.precision).pick_big
+    near = near_functions(o.precision)
+    pick_near, pick_big = near.pick_near, near.pick_big
     walls, bigs, friction = o.walls, o.bigs, o.friction
 
     @wp.func
@@ -45,6 +50,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
         if m > real(0.0):
             vx, vy, vz = vx + dt * gravity[0], vy + dt * gravity[1], vz + dt * gravity[2]
         b.kin[i] = vec8d(k[0], k[1], k[2], vx, vy, vz, k[6], k[7])
+        rows.hit[i] = 0
         rows.x[i] = wp.vec3d(k[0], k[1], k[2])
         w = b.spin[i]
         rows.u[i] = vec8(real(vx), real(vy), real(vz), m, w[0], w[1], w[2], b.inv_i[i])
@@ -82,6 +88,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
         wall_table: wp.array(dtype=PairClass),
         wall_columns: int,
         skin: wp.float64,
+        near_skin: wp.float64,
         big_skin: wp.float64,
         big_capacity: int,
         row_capacity: int,
@@ -101,8 +108,9 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
         state: wp.array(dtype=wp.int32),
         travel: wp.array(dtype=wp.float64),
     ):
-        two = wp.float64(2.0)
+        two, eight = wp.float64(2.0), wp.float64(8.0)
         since_build = wp.float64(travel[0])
+        since_near = wp.float64(travel[1])
         since_big = wp.float64(travel[2])
         done, reason, going = int(0), int(DONE), int(1)
         counted = int(0)
@@ -120,6 +128,12 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
             if since_build > wp.float64(0.0) and two * (since_build + reach) + wp.float64(margin) > skin:
                 reason = int(REBUILD)
                 going = 0
+            if going == 1 and (
+                since_near < wp.float64(0.0) or two * (since_near + reach) + wp.float64(margin) > travel[4]
+            ):
+                travel[4] = wp.max(near_skin, eight * reach + wp.float64(margin))
+                near_count[0] = pick_near(b, lists, 0, pair_count[0], travel[4])
+                since_near = wp.float64(0.0)
             if wp.static(bigs):
                 need = since_big + reach + reach_big + wp.float64(margin)
                 if going == 1 and (since_big < wp.float64(0.0) or need > big_skin):
@@ -135,7 +149,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 first_big = pair_rows(
                     b,
                     lists,
-                    pair_count[0],
+                    near_count[0],
                     pair_table,
                     pair_columns,
                     step,
@@ -178,6 +192,13 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                         first_wall,
                         row_capacity,
                     )
+                hits = collide(rows, counted, event, 0)
+                state[7] = hits
+                blows = int(1)
+                while hits > 0 and blows < velocity_sweeps:
+                    hits = collide(rows, counted, event, blows)
+                    state[7] = state[7] + hits
+                    blows += 1
                 warm_start(rows, counted)
                 largest = real(0.0)
                 sweeps = int(0)
@@ -191,21 +212,21 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                     state[5] = state[5] + sweeps
                 for i in range(total):
                     check += drift(b, i, rows, dt)
-                remember(rows, 0, first_big, lists.memory)
-                if wp.static(bigs):
-                    remember(rows, first_big, first_wall, lists.big_memory)
-                if wp.static(walls):
-                    remember(rows, first_wall, counted, lists.wall_memory)
                 left = wp.float64(0.0)
                 passes = int(0)
                 while passes < position_sweeps:
-                    left = push(b, lists, rows, counted, features, total, slop, passes % 2)
+                    left = push(b, lists, rows, counted, features, total, slop, dt, passes % 2)
                     passes += 1
                     if left <= slop:
                         state[6] = state[6] + passes
                         passes = position_sweeps + 1
                 if passes == position_sweeps:
                     state[6] = state[6] + passes
+                remember(rows, 0, first_big, lists.memory)
+                if wp.static(bigs):
+                    remember(rows, first_big, first_wall, lists.big_memory)
+                if wp.static(walls):
+                    remember(rows, first_wall, counted, lists.wall_memory)
                 travel[3] = wp.max(travel[3], left)
                 farthest, farthest_big = wp.float64(0.0), wp.float64(0.0)
                 for i in range(n):
@@ -213,12 +234,14 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 for i in range(n, total):
                     farthest_big = wp.max(farthest_big, moved(b, i, rows))
                 since_build += wp.sqrt(farthest)
+                since_near += wp.sqrt(farthest)
                 since_big += wp.sqrt(farthest) + wp.sqrt(farthest_big)
                 done += 1
                 if not wp.isfinite(check):
                     reason = int(NOT_FINITE)
                     going = 0
         travel[0] = since_build
+        travel[1] = since_near
         travel[2] = since_big
         state[2] = done
         state[3] = reason

@@ -27,6 +27,8 @@ SLOP = 5e-5
 SKIN, SKIN_STEPS, SKIN_LIMIT = 0.1, 3, 0.4
 """Gap up to which pairs are listed: at least SKIN smallest diameters; room for SKIN_STEPS steps of the fastest body,
 but for one step only where that is more than SKIN_LIMIT diameters: long lists cost more memory than rebuilds time."""
+NEAR_SKIN = 0.03
+"""Gap up to which listed pairs are tested in every step: at least this, in smallest diameters."""
 BIG_SKIN = 0.5
 """Gap up to which bodies are candidates of a large body, in smallest diameters and beyond one step of travel."""
 
@@ -63,8 +65,8 @@ class Impulses:
         gravity = [g / state.units.acceleration for g in scene.gravity]
         self._gravity = wp.vec3d(*gravity)
         self._fall = math.hypot(*gravity) * self.dt
-        self._flags = wp.zeros(7, dtype=wp.int32, device="cpu")
-        self._travel = wp.zeros(4, dtype=wp.float64, device="cpu")
+        self._flags = wp.zeros(8, dtype=wp.int32, device="cpu")
+        self._travel = wp.zeros(5, dtype=wp.float64, device="cpu")
         self._steps = 0
         self._big_skin = BIG_SKIN * state.diameter
 
@@ -76,7 +78,16 @@ class Impulses:
         """Makes up to n steps and returns how many; SolverError where a velocity is not finite."""
         s, t, d = self.state, self._tables, self.state.diameter
         inputs = [n, self.dt, self._gravity, s.n, s.total, s.features]
-        inputs += [t.pairs, t.pair_columns, t.walls, t.wall_columns, s.skin, self._big_skin, s.big_capacity]
+        inputs += [
+            t.pairs,
+            t.pair_columns,
+            t.walls,
+            t.wall_columns,
+            s.skin,
+            NEAR_SKIN * d,
+            self._big_skin,
+            s.big_capacity,
+        ]
         inputs += [len(self._rows.i), self.velocity_sweeps, self.position_sweeps]
         inputs += [EVENT * self._fall, STILL * EVENT * self._fall, MARGIN * d, SLOP * d, s.pair_count, s.wall_count]
         outputs = [s.bodies, s.lists, self._rows, s.near_count, self._flags, self._travel]
@@ -98,10 +109,11 @@ class Impulses:
         return float(self._travel.numpy()[3])
 
     def counters(self) -> dict[str, float]:
-        """Rows of the last step and mean sweeps per step."""
+        """Rows and collisions of the last step, mean sweeps per step."""
         flags, steps = self._flags.numpy(), max(1, self._steps)
         return {
             "rows": int(flags[4]),
+            "collisions": int(flags[7]),
             "velocity sweeps per step": int(flags[5]) / steps,
             "position sweeps per step": int(flags[6]) / steps,
         }
@@ -117,7 +129,7 @@ class Impulses:
         s.skin = max(SKIN * s.diameter, wanted, 2 * reach + margin)
         self._big_skin = BIG_SKIN * s.diameter + 2 * (reach + reach_big) + margin
         s.rebuild()
-        self._travel.numpy()[[0, 2]] = 0.0, -1.0
+        self._travel.numpy()[[0, 1, 2]] = 0.0, -1.0, -1.0
         walls = int(s.wall_count.numpy()[0])
         contacts = int(s.pair_count.numpy()[0]) + walls + (s.big_capacity if s.big_rows else 0)
         if self._rows.i is None or len(self._rows.i) < contacts or len(self._rows.u) < s.total + walls:
@@ -131,13 +143,12 @@ class Impulses:
             setattr(rows, name, wp.zeros(1, dtype=kind, device="cpu"))
         rows.i, rows.j, rows.slot = (wp.zeros(n, dtype=wp.int32, device="cpu") for _ in range(3))
         rows.a, rows.b = (wp.zeros(n, dtype=vec8, device="cpu") for _ in range(2))
+        rows.push = wp.zeros(n, dtype=s.types.real, device="cpu")
         rows.u = wp.zeros(s.total + walls, dtype=vec8, device="cpu")
+        rows.hit = wp.zeros(s.total + walls, dtype=wp.int32, device="cpu")
         rows.x = wp.zeros(max(1, s.total), dtype=wp.vec3d, device="cpu")
 
 
 def unsupported(scene: Scene) -> list[str]:
     """What of a scene the impulse solver cannot do, one line each."""
-    found = unsupported_walls(scene) + unsupported_features(scene)
-    if any(p.tangential_restitution for p in scene.pair_laws):
-        found.append("tangential restitution")
-    return found
+    return unsupported_walls(scene) + unsupported_features(scene)

@@ -1,4 +1,8 @@
-"""Projected Gauss-Seidel on velocities: accumulated normal and tangential impulses, Coulomb cone."""
+"""Projected Gauss-Seidel on velocities: accumulated normal and tangential impulses, Coulomb cone.
+
+The cone counts the load that the position pass of the last step carried beside the normal impulse: where the sweeps do
+not converge, that pass carries a part of the weight.
+"""
 
 from functools import cache
 from typing import Any
@@ -10,19 +14,13 @@ from dembench.solver.types import types
 
 
 @cache
-def sweep_functions(o: ImpulseOptions) -> Any:
-    """Warp functions (warm_start, sweep, remember).
-
-    sweep(rows, count, reverse) visits every row once and returns the largest change of a relative velocity.
-    """
-    t = types(o.precision)
-    real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
-    Rows = row_types(o.precision)
-    friction = o.friction
+def change_function(precision: str) -> Any:
+    """Velocities of a body after an impulse at a lever, as a Warp function (u, impulse, n x impulse, lever) -> u."""
+    t = types(precision)
+    real, vec3, vec8 = t.real, t.vec3, t.vec8
 
     @wp.func
     def change(u: vec8, p: vec3, turn: vec3, arm: real):
-        """Velocities of a body after impulse p at a lever: turn is n x p, arm the lever with the sign of the side."""
         m, i = u[3], arm * u[7]
         return vec8(
             u[0] + m * p[0],
@@ -34,6 +32,21 @@ def sweep_functions(o: ImpulseOptions) -> Any:
             u[6] - i * turn[2],
             u[7],
         )
+
+    return change
+
+
+@cache
+def sweep_functions(o: ImpulseOptions) -> Any:
+    """Warp functions (warm_start, sweep, remember).
+
+    sweep(rows, count, reverse) visits every row once and returns the largest change of a relative velocity.
+    """
+    t = types(o.precision)
+    real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
+    Rows = row_types(o.precision)
+    change = change_function(o.precision)
+    friction = o.friction
 
     @wp.func
     def warm_start(rows: Rows, count: int):
@@ -77,7 +90,7 @@ def sweep_functions(o: ImpulseOptions) -> Any:
                 )
                 slip = v - vn * n + wp.cross(n, s)
                 wanted = lt - a[5] * slip
-                bound = a[6] * ln
+                bound = a[6] * (ln + b[7])
                 size2 = wp.dot(wanted, wanted)
                 if size2 > bound * bound:
                     wanted = wanted * (bound / wp.sqrt(size2))
@@ -94,9 +107,10 @@ def sweep_functions(o: ImpulseOptions) -> Any:
 
     @wp.func
     def remember(rows: Rows, first: int, last: int, memory: wp.array(dtype=vec4)):
-        """Keeps the impulses of rows first..last for the next step."""
+        """Keeps the impulses of rows first..last, and the load of the position pass, for the next step."""
         for r in range(first, last):
-            b = rows.b[r]
-            memory[rows.slot[r]] = vec4(b[4], b[5], b[6], b[1])
+            a, b = rows.a[r], rows.b[r]
+            push = rows.push[r]
+            memory[rows.slot[r]] = vec4(b[4] + push * a[0], b[5] + push * a[1], b[6] + push * a[2], b[1])
 
     return warm_start, sweep, remember

@@ -1,0 +1,98 @@
+"""Collisions of rigid rows: Walton's law with tangential restitution, and blows that travel through touching grains."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from grains import FLOOR, RADIUS, grains
+
+from dembench.scene import PairLaw
+from dembench.solver import Simulation
+
+DT = 5e-5
+
+
+@pytest.mark.parametrize("fall", [0.0, 9.81])
+@pytest.mark.parametrize("beta", [-1.0, 0.0, 0.44, 1.0])
+@pytest.mark.parametrize("tangential", [0.05, 0.3, 0.6, 2.0])
+@pytest.mark.parametrize("partner", ["wall", "sphere"])
+def test_oblique_impact_is_waltons(partner: str, tangential: float, beta: float, fall: float) -> None:
+    """e = 0.87, mu = 0.25: stick where (2/7)(1 + beta)|vt| <= mu (1 + e)|vn|, then vt' = -beta vt at the contact,
+    else the change of vt is mu (1 + e) vn for the centre (IM1 of Walton; half of both for each of two equal spheres).
+
+    The impulse is exact; 1e-3 is what the change of the normal within a step of approach leaves in a pair.
+    """
+    e, mu, share = 0.87, 0.25, 1.0 if partner == "wall" else 0.5
+    law = PairLaw(a="grain", b="grain", restitution=e, friction=mu, tangential_restitution=beta)
+    gravity = (0, 0, -fall)
+    if partner == "wall":
+        scene = grains(
+            [[0, 0, 1.0001 * RADIUS]], [[tangential, 0, -1.0]], walls=(FLOOR,), pair_laws=(law,), gravity=gravity
+        )
+    else:
+        scene = grains(
+            [[0, 0, 2.0001 * RADIUS], [0, 0, 0]],
+            [[tangential, 0, -1.0], [0, 0, 0]],
+            pair_laws=(law,),
+            gravity=gravity,
+        )
+    simulation = Simulation(scene, DT, method="impulse")
+    simulation.step()
+    approach = 1.0 + (fall * DT if partner == "wall" else 0)
+    impulse = share * min(mu * (1 + e) * approach, 2 / 7 * (1 + beta) * tangential)
+    v, w = simulation.velocity[0] - [0, 0, -fall * DT], simulation.angular_velocity[0]
+    assert v[0] == pytest.approx(tangential - impulse, abs=1e-3)
+    assert v[2] == pytest.approx(-1.0 + share * (1 + e) * approach, abs=1e-3)
+    assert w[1] * RADIUS == pytest.approx(2.5 * impulse, abs=1e-3)
+    assert np.abs(w[[0, 2]]).max() * RADIUS < 1e-6
+
+
+@pytest.mark.parametrize("fall", [0.0, 1e-3])
+@pytest.mark.parametrize("gap", [0.0, 1e-3])
+@pytest.mark.parametrize("moving", [1, 2, 3, 4])
+def test_w11_d31_as_many_balls_leave_a_cradle_as_come_in(moving: int, gap: float, fall: float) -> None:
+    """Five balls in a row, e = 1, touching or 1e-3 d apart: n out for n in, at once, with and without gravity."""
+    x = 2 * RADIUS * (1 + gap) * np.arange(5)
+    x[:moving] -= 0.1 * RADIUS
+    v = np.zeros((5, 3))
+    v[:moving, 0] = 1.0
+    scene = grains(np.stack([x, 0 * x, 0 * x], axis=1), v, restitution=1.0, gravity=(0, 0, -fall))
+    simulation = Simulation(scene, DT, method="impulse")
+    simulation.step(10)
+    expected = np.zeros(5)
+    expected[5 - moving :] = 1.0
+    assert simulation.velocity[:, 0] == pytest.approx(expected, abs=1e-6)
+    assert simulation.velocity[:, 2] == pytest.approx(-fall * simulation.time * np.ones(5), abs=1e-6)
+
+
+def test_d12_a_plastic_grain_stays_where_it_lands() -> None:
+    """e = 0, on a floor and on another grain: no bounce above the speed at which the sweeps stop, 0.04 g dt."""
+    scene = grains(
+        [[0, 0, RADIUS], [0, 0, 4 * RADIUS], [0.02, 0, 2 * RADIUS]],
+        [[0, 0, 0], [0, 0, -1.0], [0, 0, -1.0]],
+        walls=(FLOOR,),
+        restitution=0.0,
+        gravity=(0, 0, -9.81),
+    )
+    simulation = Simulation(scene, DT, method="impulse")
+    for _ in range(200):
+        simulation.step()
+        assert simulation.velocity[:, 2].max() < 0.04 * 9.81 * DT
+    assert np.abs(simulation.velocity).max() < 9.81 * DT
+    assert simulation.position[:, 2] == pytest.approx([RADIUS, 3 * RADIUS, RADIUS], abs=1e-3 * RADIUS)
+
+
+@pytest.mark.parametrize("count", [2, 100])
+def test_d21_grains_on_one_point_part(count: int) -> None:
+    """They separate without speed, along directions that a repeated run finds again."""
+    ends = []
+    for _ in range(2):
+        scene = grains(np.full((count, 3), 0.1))
+        simulation = Simulation(scene, DT, method="impulse", position_sweeps=100)
+        simulation.step(100)
+        ends.append(simulation.position)
+        assert np.abs(simulation.velocity).max() < 1e-9
+    x = ends[0]
+    i, j = np.triu_indices(count, 1)
+    assert np.linalg.norm(x[i] - x[j], axis=1).min() > 2 * RADIUS * (1 - 1e-3)
+    assert (ends[0] == ends[1]).all()
