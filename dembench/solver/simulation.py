@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from dembench.solver.full import FullSpheres, check_device
 from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError, check_step
 from dembench.solver.impulse import stepper as impulse
+from dembench.solver.saving import read_state, restore, write_state
 from dembench.solver.state import State
 from dembench.solver.units import scene_units
 
@@ -39,6 +41,7 @@ class Simulation:
 
     Attributes:
         scene, dt: See above.
+        settings: The arguments beside the scene, by name.
         steps: Steps made.
         warnings: What the user should know about the settings.
         compile_seconds: Time spent on compiling or loading kernels [s].
@@ -61,6 +64,7 @@ class Simulation:
         device: str = "cpu",
         lists: Literal["half", "full"] | None = None,
     ):
+        settings = {name: value for name, value in locals().items() if name not in ("self", "scene")}
         method = method or ("impulse" if isinstance(scene.law, Rigid) else "soft-sphere")
         solvers = {"soft-sphere": soft.unsupported, "impulse": impulse.unsupported}
         if method not in solvers:
@@ -69,6 +73,7 @@ class Simulation:
         if faults:
             raise SolverError(f"the {method} solver cannot do: " + "; ".join(faults))
         self.scene, self.dt = scene, dt or scene.closed_step()
+        self.settings = {**settings, "dt": self.dt}
         self.steps = 0
         self.units = scene_units(scene)
         rigid = method == "impulse"
@@ -202,6 +207,25 @@ class Simulation:
             "largest overlap in any step [m]": self.largest_overlap(),
             **self._stepper.counters(),
         }
+
+    # ---- files
+
+    def save(self, path: str | Path) -> None:
+        """Writes the complete state to a file, from which `load` goes on with the same bits."""
+        self._refresh()
+        write_state(Path(path), self, self.scene, self.settings)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Simulation:
+        """The simulation that `save` has written.
+
+        Raises:
+            SolverError: The file is not there, is damaged or was written by another version.
+        """
+        scene, settings, arrays = read_state(Path(path))
+        made = cls(scene, **settings)
+        restore(made, arrays, Path(path))
+        return made
 
     # ---- changes of the state
 
