@@ -141,7 +141,7 @@ class Liggghts(Engine):
         faults += [f"wall force (observable {o.name})" for o in scene.observables if isinstance(o, WallForce)]
         for wall in scene.walls:
             if wall.motion is not None and motion_of(wall.motion) is None:
-                faults.append(f"motion of wall {wall.name}: either a rotation or a translation")
+                faults.append(f"motion of wall {wall.name}: either a rotation or a translation of the whole wall")
         for surface in walls(scene, SEGMENTS)[1]:
             low, high = surface.triangles.min(axis=(0, 1)), surface.triangles.max(axis=(0, 1))
             if (low < scene.domain.lower).any() or (high > scene.domain.upper).any():

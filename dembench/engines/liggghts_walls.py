@@ -132,7 +132,7 @@ def _clipped_plane(wall: Plane, scene: Scene) -> np.ndarray:
 def motion_of(motion: Motion) -> str | None:
     """Arguments of `fix move/mesh`; nothing for no motion, None for what it cannot do exactly."""
     speed, rate = math.hypot(*motion.velocity), math.hypot(*motion.angular_velocity)
-    if (motion.frequency > 0 and any(motion.amplitude)) or (speed and rate):
+    if motion.surface or (motion.frequency > 0 and any(motion.amplitude)) or (speed and rate):
         return None
     if rate:
         centre, axis = (" ".join(map(repr, v)) for v in (motion.centre, motion.angular_velocity))

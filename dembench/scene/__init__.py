@@ -18,7 +18,7 @@ from dembench.scene.observables import (
     ZoneCount,
 )
 from dembench.scene.scene import Constraint, Domain, Scene, Sink, Species
-from dembench.scene.walls import Box, Cylinder, Frustum, Mesh, Motion, Plane
+from dembench.scene.walls import Box, Cylinder, Frustum, Mesh, Motion, Plane, geometry_moves
 
 __all__ = [
     "Bodies",
@@ -51,6 +51,7 @@ __all__ = [
     "ZoneCount",
     "check_scene",
     "features",
+    "geometry_moves",
     "load_scene",
     "save_scene",
     "scene_from",

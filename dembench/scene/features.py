@@ -7,7 +7,7 @@ import numpy as np
 from dembench.scene.base import Model
 from dembench.scene.materials import HertzMindlin, Rigid
 from dembench.scene.scene import Scene
-from dembench.scene.walls import Cylinder, Frustum, Mesh
+from dembench.scene.walls import Cylinder, Frustum, Mesh, geometry_moves
 
 
 class Features(Model):
@@ -21,6 +21,7 @@ class Features(Model):
         polydisperse: Bodies have different radii.
         pair_table: More than one pair law is in use between particles.
         walls, moving_walls, curved_walls, mesh_walls: Kinds of walls present.
+        moving_geometry: Some wall changes where it is, beyond a motion of its surface.
         sinks, constraints, periodic, gravity: Present or not.
     """
 
@@ -32,6 +33,7 @@ class Features(Model):
     pair_table: bool
     walls: bool
     moving_walls: bool
+    moving_geometry: bool
     curved_walls: bool
     mesh_walls: bool
     sinks: bool
@@ -60,6 +62,7 @@ def features(scene: Scene) -> Features:
         pair_table=len(particle_materials) > 1,
         walls=bool(scene.walls),
         moving_walls=any(w.motion is not None for w in scene.walls),
+        moving_geometry=any(geometry_moves(w) for w in scene.walls),
         curved_walls=any(isinstance(w, Cylinder | Frustum) for w in scene.walls),
         mesh_walls=any(isinstance(w, Mesh) for w in scene.walls),
         sinks=bool(scene.sinks),

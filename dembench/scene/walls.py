@@ -24,6 +24,7 @@ class Motion(Model):
         centre: A point on the rotation axis [m].
         amplitude: Amplitude vector of the oscillation amplitude * sin(2 pi frequency t) [m].
         frequency: Frequency of the oscillation [Hz].
+        surface: Only the surface moves, and the wall stays where it is: a conveyor belt.
     """
 
     velocity: Vector = (0.0, 0.0, 0.0)
@@ -31,6 +32,7 @@ class Motion(Model):
     centre: Vector = (0.0, 0.0, 0.0)
     amplitude: Vector = (0.0, 0.0, 0.0)
     frequency: NotNegative = 0.0
+    surface: bool = False
 
 
 class Wall(Model):
@@ -319,6 +321,31 @@ def closest_points(points: np.ndarray, triangle: np.ndarray) -> np.ndarray:
         distances.append(np.linalg.norm(points - nearest, axis=1))
     edge_point = np.array(candidates)[np.argmin(distances, axis=0), np.arange(len(points))]
     return np.where(inside[:, None], projected, edge_point)
+
+
+def geometry_moves(wall: WallShape) -> bool:
+    """Whether a motion changes where a wall is, and not only how its surface moves.
+
+    A plane that slides in itself or turns about its normal and a mantle that turns about its axis stay where they are.
+    """
+    motion = wall.motion
+    if motion is None or motion.surface:
+        return False
+    velocity, spin = np.array(motion.velocity), np.array(motion.angular_velocity)
+    if motion.frequency and any(motion.amplitude):
+        return True
+    if isinstance(wall, Plane) and not (velocity.any() and spin.any()):
+        normal = np.array(wall.normal)
+        return not _parallel(spin, normal) or abs(velocity @ normal) > 1e-12 * np.linalg.norm(velocity)
+    if isinstance(wall, Cylinder | Frustum):
+        axis = np.array(wall.end) - np.array(wall.start)
+        on_axis = _parallel(np.array(motion.centre) - np.array(wall.start), axis) or not spin.any()
+        return not (_parallel(spin, axis) and on_axis) or bool(velocity.any())
+    return bool(velocity.any() or spin.any())
+
+
+def _parallel(a: np.ndarray, b: np.ndarray) -> bool:
+    return bool(np.linalg.norm(np.cross(a, b)) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def _tangents(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,8 @@ import warp as wp
 from dembench.solver.laws import LawOptions, contact_force
 from dembench.solver.pairs import ONE, pair_lookup
 from dembench.solver.types import types, vec8d
-from dembench.solver.walls import wall_distance
+from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.records import WallOptions, Walls
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,8 @@ class StepOptions:
         law: Options of the contact law.
         pairs: How pair constants are looked up.
         alike: Whether all small bodies are of one kind, so that their pairs share one row of the table.
-        walls, curved, moving, bigs: Whether there are walls, mantles, wall motions and large bodies.
+        walls: What of the walls is needed.
+        bigs: Whether there are large bodies.
         rotation: Whether spins are integrated.
         threads: Whether several threads share the step.
     """
@@ -31,9 +33,7 @@ class StepOptions:
     law: LawOptions = field(default_factory=LawOptions)
     pairs: str = ONE
     alike: bool = True
-    walls: bool = False
-    curved: bool = False
-    moving: bool = False
+    walls: WallOptions = field(default_factory=WallOptions)
     bigs: bool = False
     rotation: bool = True
     threads: bool = False
@@ -77,12 +77,13 @@ def load_function(o: StepOptions) -> Any:
 def force_functions(o: StepOptions) -> Any:
     """Warp functions (pair, wall, spin): one contact of two bodies, one of a body and a wall feature, and a spin."""
     t = types(o.law.precision)
-    real, vec3, vec4, Bodies, PairClass, Wall = t.real, t.vec3, t.vec4, t.Bodies, t.PairClass, t.Wall
+    real, vec3, vec4, Bodies, PairClass = t.real, t.vec3, t.vec4, t.Bodies, t.PairClass
     force = contact_force(o.law)
     _of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
-    distance_of = wall_distance(o.law.precision, o.curved)
+    of_feature = wall_functions(o.walls)
+    distance_of, velocity_of = of_feature.distance, of_feature.velocity
     lever = lever_function(o)
-    friction, moving = o.law.friction, o.moving
+    friction = o.law.friction
 
     @wp.func
     def spin(b: Bodies, i: int):
@@ -113,23 +114,31 @@ def force_functions(o: StepOptions) -> Any:
         return f, torque, after, overlap
 
     @wp.func
-    def wall(b: Bodies, i: int, feature: Wall, memory: vec4, table: wp.array(dtype=PairClass), columns: int, dt: real):
-        """The same for body i against a wall feature."""
+    def wall(
+        b: Bodies,
+        i: int,
+        walls: Walls,
+        feature: int,
+        first: int,
+        memory: vec4,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        dt: real,
+    ):
+        """The same for body i against a wall feature; the poses of the thread begin at `first`."""
         f, ft, after, overlap = vec3(), vec3(), vec4(), real(0.0)
         k = b.kin[i]
         x = wp.vec3d(k[0], k[1], k[2])
-        distance, normal = distance_of(feature, x)
+        distance, normal = distance_of(walls, feature, first, x)
         gap = distance - k[6]
         if gap < wp.float64(0.0):
             overlap = real(-gap)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
-            dv = wp.vec3d(k[3], k[4], k[5])
-            if wp.static(moving):
-                dv = dv - feature.velocity - wp.cross(feature.spin, x - feature.centre)
+            dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(walls, feature, first, x)
             s = vec3()
             if wp.static(friction):
                 s = lever(k, overlap) * spin(b, i)
-            c = of_wall(b, i, feature.kind, table, columns)
+            c = of_wall(b, i, walls.features[feature].kind, table, columns)
             f, ft, after = force(n, overlap, vec3(real(dv[0]), real(dv[1]), real(dv[2])), s, memory, c, dt)
             if wp.static(friction):
                 ft = wp.cross(n, ft)

@@ -34,6 +34,7 @@ class FullSpheres:
         state.skin, state.big_skin = SKIN * state.diameter, BIG_SKIN * state.diameter
         self._step = full_kernels(step_options(scene, state, precision, midpoint))
         self.kernels = [self._step.begin, self._step.step] + [self._step.step_big] * bool(state.big_rows)
+        self.kernels += [self._step.move_walls] * state.walls.options.timed
         tables, device = PairTables(scene, state.units, precision), state.device
         self._tables = [tables.pairs.to(device), tables.pair_columns, tables.walls.to(device), tables.wall_columns]
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
@@ -44,15 +45,22 @@ class FullSpheres:
         self._limit = 0.5 * state.skin
         self._big_limit = state.big_skin - self._limit
         self._drifted = False
+        self._clock = wp.zeros(4, dtype=wp.float64, device=state.device)
+        self._built = 0.0
 
-    def prepare(self) -> None:
-        """Builds the lists and evaluates the forces of the initial state, without growth of the contact springs."""
-        self.state.rebuild()
+    def prepare(self, first: int = 0) -> None:
+        """Builds the lists and evaluates the forces after `first` steps, without growth of the contact springs."""
+        self._rebuild(first * self.dt)
         self._flags.zero_()
+        self._set_clock(first * self.dt)
         self._launch(0, NO_KICK, 0.0)
 
-    def advance(self, n: int) -> int:
-        """Makes up to n steps and returns how many; SolverError where a velocity is not finite."""
+    def advance(self, n: int, first: int) -> int:
+        """Makes up to n steps beyond the `first` that are made; returns how many.
+
+        Raises:
+            SolverError: A velocity is not finite.
+        """
         state = self.state
         steps = min(n, BLOCK)
         end = HALF_KICK if steps == n else DRIFT
@@ -60,6 +68,7 @@ class FullSpheres:
         if not self._drifted:
             inputs = [state.n, self.dt, self._gravity, self._limit, self._big_limit, state.reference]
             state.launch(self._step.begin, state.total, *inputs, state.bodies, self._flags)
+        self._set_clock((first + 1) * self.dt)
         self._block(steps, end)
         flags = self._flags.numpy()
         if flags[-1]:
@@ -71,7 +80,7 @@ class FullSpheres:
             wp.copy(state.bodies.spin, state.spare.spin)
         self._drifted = bool(len(stopped)) or end == DRIFT
         if len(stopped):
-            state.rebuild()
+            self._rebuild((first + done + 1) * self.dt)
         return done
 
     def largest_overlap(self) -> float:
@@ -81,6 +90,16 @@ class FullSpheres:
     def counters(self) -> dict[str, float]:
         """Figures of this stepper beside those of the state."""
         return {"slots per particle": self.state.slots}
+
+    def _rebuild(self, time: float) -> None:
+        self.state.place_walls(time)
+        self.state.rebuild()
+        self._built = time
+
+    def _set_clock(self, time: float) -> None:
+        """Tells the walls the time of the forces of the next launch [scene units]."""
+        if self.state.walls.options.timed:
+            self._clock.assign([time, self.dt, self._built, self.state.wall_speed])
 
     def _block(self, steps: int, end: int) -> None:
         """`steps` steps of which the last ends as `end` says; recorded once and replayed on CUDA devices."""
@@ -101,6 +120,10 @@ class FullSpheres:
 
     def _launch(self, s: int, after: int, memory_dt: float) -> None:
         t = self.state
+        if t.walls.options.timed:
+            outputs = [t.walls.record, self._flags]
+            inputs = [s, self._clock, self._limit]
+            wp.launch(self._step.move_walls, dim=1, inputs=inputs, outputs=outputs, device=t.device)
         ours, theirs = (t.spare, t.bodies) if s % 2 else (t.bodies, t.spare)
         for kernel, threads, limit in (
             (self._step.step, t.n, self._limit),
@@ -108,7 +131,7 @@ class FullSpheres:
         ):
             if not threads:
                 continue
-            inputs = [s, after, memory_dt, self.dt, self._gravity, t.n, t.total, t.features, *self._tables]
+            inputs = [s, after, memory_dt, self.dt, self._gravity, t.n, t.total, t.walls.record, *self._tables]
             inputs += [limit, t.reference, ours, t.lists, theirs, self._overlaps, self._flags]
             if kernel is self._step.step:
                 wp.launch(kernel, dim=threads, inputs=inputs, device=t.device, block_dim=THREADS)

@@ -14,7 +14,8 @@ import warp as wp
 from dembench.solver.full_sort import cell_function
 from dembench.solver.neighbours import position_function
 from dembench.solver.types import types
-from dembench.solver.walls import wall_distance
+from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.records import WallOptions, Walls
 
 MARK = wp.constant(1 << 30)
 """Added to an entry of a list while the two touch."""
@@ -47,12 +48,12 @@ def full_lists_type(precision: str) -> Any:
 
 
 @cache
-def full_list_kernels(precision: str, curved: bool, friction: bool) -> Any:
+def full_list_kernels(precision: str, walls: WallOptions, friction: bool) -> Any:
     """Kernels that build full lists; each has one thread per body unless it says otherwise."""
     t = types(precision)
-    vec4, Bodies, Wall = t.vec4, t.Bodies, t.Wall
+    vec4, Bodies = t.vec4, t.Bodies
     FullLists = full_lists_type(precision)
-    distance_of = wall_distance(precision, curved)
+    distance_of = wall_functions(walls).distance
     position = position_function(precision)
     cell_of = cell_function()
 
@@ -138,8 +139,7 @@ def full_list_kernels(precision: str, curved: bool, friction: bool) -> Any:
         total: int,
         skin: wp.float64,
         big_skin: wp.float64,
-        features: wp.array(dtype=Wall),
-        n_features: int,
+        walls: Walls,
         order: wp.array(dtype=wp.int32),
         old: FullLists,
         slots: int,
@@ -156,8 +156,8 @@ def full_list_kernels(precision: str, curved: bool, friction: bool) -> Any:
         x = position(b, k)
         r = b.kin[k][6]
         found = int(0)
-        for f in range(n_features):
-            distance, _n = distance_of(features[f], x)
+        for f in range(walls.features.shape[0]):
+            distance, _n = distance_of(walls, f, 0, x)
             if distance - r < reach:
                 if found < slots:
                     entry = f + 0

@@ -41,10 +41,9 @@ class FullState(State):
         self.generation = 0
         self.big_skin = 0.0
         super().__init__(scene, units, precision, threads=1)
-        curved = bool(self.n_walls) and any(int(f["shape"]) != 0 for f in self.features.numpy())
-        self.features = self.features.to(self.device)
-        kernels = {**vars(sort_kernels(precision)), **vars(full_list_kernels(precision, curved, self.friction))}
-        unused = ["build_walls"] * (not self.n_walls) + ["flag_big", "fill_big"] * (not self.big_rows)
+        lists = full_list_kernels(precision, self.walls.options, self.friction)
+        kernels = {**vars(sort_kernels(precision)), **vars(lists)}
+        unused = ["build_walls"] * (not self.walls.count) + ["flag_big", "fill_big"] * (not self.big_rows)
         self.kernels = SimpleNamespace(**{name: k for name, k in kernels.items() if name not in unused})
 
     # ---- allocation
@@ -75,7 +74,7 @@ class FullState(State):
         self.low, self.high = self._new(CHUNKS, wp.vec3d), self._new(CHUNKS, wp.vec3d)
         self._overflow = self._new(2, wp.int32)
         self._near, self._until = self._new(rows * total, wp.int32), self._new(rows * total, wp.int32)
-        self.slots, self.wall_slots = SLOTS, min(self.n_walls, WALL_SLOTS)
+        self.slots, self.wall_slots = SLOTS, min(self.walls.count, WALL_SLOTS)
         self.big_capacity = BIG_ROOM if rows else 0
         self.lists, self._old = full_lists_type(self.types.precision)(), full_lists_type(self.types.precision)()
         for lists in (self.lists, self._old):
@@ -119,8 +118,7 @@ class FullState(State):
 
     def _sort(self) -> tuple[Any, ...]:
         n, b, kernels = self.n, self.bodies, self.kernels
-        self.launch(kernels.bounds, CHUNKS, b, n, self.low, self.high)
-        grid = self.grid(self.low.numpy().min(axis=0), self.high.numpy().max(axis=0))
+        grid = self.grid(*self._box())
         cells = int(np.prod(list(grid[3])))
         self.start = self._new(cells + 1, wp.int32)
         self.launch(kernels.key, n, b, *grid, self.cell, self.order)
@@ -137,15 +135,19 @@ class FullState(State):
         wp.copy(lists.big_memory, old.big_memory)
         return grid
 
+    def _box(self) -> tuple[np.ndarray, np.ndarray]:
+        self.launch(self.kernels.bounds, CHUNKS, self.bodies, self.n, self.low, self.high)
+        return self.low.numpy().min(axis=0), self.high.numpy().max(axis=0)
+
     def _build(self, grid: tuple[Any, ...]) -> bool:
         """Builds the lists of partners and walls; False where a list has too few slots."""
         s, kernels = self, self.kernels
         self._overflow.zero_()
         inputs = [s.bodies, s.n, s.total, s.skin, s.big_skin, *grid, s.start, s.order, s._old, s.slots]
         self.launch(kernels.build, s.n, *inputs, s.lists, s._overflow)
-        if self.n_walls:
+        if self.walls.count:
             # large bodies are tested against all walls in every step: they outrun the skin of the small ones
-            inputs = [s.bodies, s.n, s.total, s.skin, 1e30, s.features, s.n_walls, s.order, s._old, s.wall_slots]
+            inputs = [s.bodies, s.n, s.total, s.skin, 1e30, s.walls.record, s.order, s._old, s.wall_slots]
             self.launch(kernels.build_walls, s.total, *inputs, s.lists, s._overflow)
         return not self._overflow.numpy().any()
 

@@ -18,6 +18,8 @@ from dembench.solver.contacts import StepOptions, force_functions, lever_functio
 from dembench.solver.full_lists import MARK, full_lists_type
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types, vec8d
+from dembench.solver.walls.motion import place
+from dembench.solver.walls.records import Walls
 
 NO_KICK, HALF_KICK, DRIFT = wp.constant(0), wp.constant(1), wp.constant(2)
 """What a launch does after the forces: nothing (initial forces), end the step, or end it and begin the next."""
@@ -32,12 +34,12 @@ def full_kernels(o: StepOptions) -> Any:
     """
     t = types(o.law.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
-    Bodies, PairClass, Wall = t.Bodies, t.PairClass, t.Wall
+    Bodies, PairClass = t.Bodies, t.PairClass
     FullLists = full_lists_type(o.law.precision)
     pair, wall, spin = force_functions(o)
     lever, load_of = lever_function(o), load_function(o)
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
-    walls, rotation, friction = o.walls, o.rotation, o.law.friction
+    present, rotation, friction = o.walls.present, o.rotation, o.law.friction
 
     @wp.func
     def kick(k: vec8d, load: vec8, m: real, half: wp.float64, gravity: wp.vec3d):
@@ -140,7 +142,7 @@ def full_kernels(o: StepOptions) -> Any:
         lists: FullLists,
         i: int,
         total: int,
-        features: wp.array(dtype=Wall),
+        walls: Walls,
         table: wp.array(dtype=PairClass),
         columns: int,
         dt: real,
@@ -156,7 +158,7 @@ def full_kernels(o: StepOptions) -> Any:
             if wp.static(friction):
                 if entry >= MARK:
                     memory = lists.wall_memory[slot]
-            f, torque, after, overlap = wall(b, i, features[k], memory, table, columns, dt)
+            f, torque, after, overlap = wall(b, i, walls, k, 0, memory, table, columns, dt)
             if overlap > z:
                 sum = sum + load_of(f, torque, lever(b.kin[i], overlap))
                 if wp.static(friction):
@@ -165,6 +167,26 @@ def full_kernels(o: StepOptions) -> Any:
             elif entry >= MARK:
                 lists.wall[slot] = k
         return sum
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def move_walls(
+        # inputs
+        s: int,
+        clock: wp.array(dtype=wp.float64),
+        limit: wp.float64,
+        # outputs
+        walls: Walls,
+        flags: wp.array(dtype=wp.int32),
+    ):
+        """Poses for the forces of step s of the block; one thread.
+
+        clock: time of the forces of step 0, time step, time of the last rebuild, bound of the walls' speed. flags[s] is
+        set where walls may have come nearer than the lists allow for.
+        """
+        now = clock[0] + wp.float64(s) * clock[1]
+        place(walls, 0, now, now)
+        if clock[3] * (now - clock[2]) > limit:
+            flags[s] = 1
 
     @wp.kernel(enable_backward=False, module="unique")
     def step(
@@ -176,7 +198,7 @@ def full_kernels(o: StepOptions) -> Any:
         gravity: wp.vec3d,
         n: int,
         total: int,
-        features: wp.array(dtype=Wall),
+        walls: Walls,
         pair_table: wp.array(dtype=PairClass),
         pair_columns: int,
         wall_table: wp.array(dtype=PairClass),
@@ -217,8 +239,8 @@ def full_kernels(o: StepOptions) -> Any:
                         lists.partner[slot] = j + MARK
             if overlap == real(0.0) and entry >= MARK:
                 lists.partner[slot] = j
-        if wp.static(walls):
-            sum = sum + wall_load(b, lists, i, total, features, wall_table, wall_columns, memory_dt)
+        if wp.static(present):
+            sum = sum + wall_load(b, lists, i, total, walls, wall_table, wall_columns, memory_dt)
         if largest > overlaps[i]:
             overlaps[i] = largest
         b.load[i] = sum
@@ -234,7 +256,7 @@ def full_kernels(o: StepOptions) -> Any:
         gravity: wp.vec3d,
         n: int,
         total: int,
-        features: wp.array(dtype=Wall),
+        walls: Walls,
         pair_table: wp.array(dtype=PairClass),
         pair_columns: int,
         wall_table: wp.array(dtype=PairClass),
@@ -272,8 +294,8 @@ def full_kernels(o: StepOptions) -> Any:
         if lane == 0:
             if going:
                 load = loads[0]
-                if wp.static(walls):
-                    load = load + wall_load(b, lists, i, total, features, wall_table, wall_columns, memory_dt)
+                if wp.static(present):
+                    load = load + wall_load(b, lists, i, total, walls, wall_table, wall_columns, memory_dt)
                 if deepest[0] > overlaps[i]:
                     overlaps[i] = deepest[0]
                 b.load[i] = load
@@ -281,4 +303,4 @@ def full_kernels(o: StepOptions) -> Any:
             else:
                 flags[s + 1] = 1
 
-    return SimpleNamespace(begin=begin, step=step, step_big=step_big)
+    return SimpleNamespace(begin=begin, move_walls=move_walls, step=step, step_big=step_big)

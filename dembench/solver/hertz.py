@@ -15,6 +15,8 @@ from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import RADII, pair_lookup
 from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
+from dembench.solver.walls.motion import place
+from dembench.solver.walls.records import Walls
 
 PREFETCH = wp.constant(12)
 """How many pairs ahead the second body of a pair is asked for."""
@@ -25,8 +27,9 @@ DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
 
 @cache
 def advance_kernel(o: StepOptions) -> Any:
-    """The kernel that carries one thread through up to `steps` steps.
+    """The kernel that carries one thread through up to `steps` steps, of which the scene has made `first`.
 
+    `wall_speed` bounds the speed at which walls come towards bodies.
     `state` (int32): 0, 1 barrier; 2 steps done; 3 reason for coming back; 4 whether the step in progress still lacks
     its forces. `travel` (float64): 0 since the lists were built, 1 since the near lists were picked, 2 of the large
     bodies and the small ones since the candidates were listed, from 4 on per thread: largest squared speed of small and
@@ -34,7 +37,7 @@ def advance_kernel(o: StepOptions) -> Any:
     """
     t = types(o.law.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
-    Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
+    Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     pair, wall, spin = force_functions(o)
     lever, load_of = lever_function(o), load_function(o)
     rows = row_functions(Bodies, vec8, Lists, vec4)
@@ -43,7 +46,8 @@ def advance_kernel(o: StepOptions) -> Any:
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     near = near_functions(o.law.precision)
     pick_near, pick_big = near.pick_near, near.pick_big
-    walls, bigs, rotation, threads, friction = o.walls, o.bigs, o.rotation, o.threads, o.law.friction
+    present, timed = o.walls.present, o.walls.timed
+    bigs, rotation, threads, friction = o.bigs, o.rotation, o.threads, o.law.friction
     alike = o.alike and o.pairs != RADII
 
     @wp.func
@@ -137,20 +141,20 @@ def advance_kernel(o: StepOptions) -> Any:
         lists: Lists,
         base: int,
         count: int,
-        features: wp.array(dtype=Wall),
-        total: int,
+        walls: Walls,
+        first: int,
         table: wp.array(dtype=PairClass),
         columns: int,
         dt: real,
     ):
         for q in range(count):
-            i, k = lists.wall_i[base + q], lists.wall_f[base + q]
-            slot = k * total + i
-            f, torque, after, overlap = wall(b, i, features[k], lists.wall_memory[slot], table, columns, dt)
+            slot = base + q
+            i, memory = lists.wall_i[slot], lists.wall_memory[slot]
+            f, torque, after, overlap = wall(b, i, walls, lists.wall_f[slot], first, memory, table, columns, dt)
             if overlap > real(0.0):
                 b.load[i] = b.load[i] + load_of(f, torque, lever(b.kin[i], overlap))
                 lists.wall_memory[slot] = after
-            elif lists.wall_memory[slot][3] != real(0.0):
+            elif memory[3] != real(0.0):
                 lists.wall_memory[slot] = vec4()
 
     @wp.func
@@ -186,13 +190,15 @@ def advance_kernel(o: StepOptions) -> Any:
         part: int,
         parts: int,
         steps: int,
+        first: wp.float64,
         memory_dt: real,
         dt: wp.float64,
         gravity: wp.vec3d,
         ranges: wp.array(dtype=wp.int32),
         n: int,
         total: int,
-        features: wp.array(dtype=Wall),
+        walls: Walls,
+        wall_speed: wp.float64,
         pair_table: wp.array(dtype=PairClass),
         pair_columns: int,
         wall_table: wp.array(dtype=PairClass),
@@ -224,10 +230,14 @@ def advance_kernel(o: StepOptions) -> Any:
         mid = int(state[4])
         half = dt * wp.float64(0.5)
         slot = 4 + 4 * part
+        poses = part * walls.motions.shape[0]
         going = int(1)
         if wp.static(threads):
             barrier(state, parts)
         while going == 1 and (done < steps or mid == 1):
+            if wp.static(timed):
+                now = dt * (first + wp.float64(done + 1))
+                place(walls, poses, now, now)
             if mid == 0:
                 fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
                 for i in range(begin, end):
@@ -251,6 +261,8 @@ def advance_kernel(o: StepOptions) -> Any:
                         check += travel[6 + 4 * p]
                 pending = 0
                 moved = dt * wp.sqrt(fastest)
+                if wp.static(timed):
+                    moved = wp.max(moved, dt * wall_speed)
                 since_build += moved
                 since_near += moved
                 if wp.static(bigs):
@@ -284,14 +296,14 @@ def advance_kernel(o: StepOptions) -> Any:
                     overlap,
                     near_pairs(b, lists, base[2 * part], near_count[2 * part], pair_table, pair_columns, memory_dt),
                 )
-                if wp.static(walls):
+                if wp.static(present):
                     wall_contacts(
                         b,
                         lists,
                         part * wall_capacity,
                         wall_count[part],
-                        features,
-                        total,
+                        walls,
+                        poses,
                         wall_table,
                         wall_columns,
                         memory_dt,

@@ -13,7 +13,8 @@ import warp as wp
 
 from dembench.solver.sync import row_functions
 from dembench.solver.types import types
-from dembench.solver.walls import wall_distance
+from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.records import WallOptions, Walls
 
 
 @cache
@@ -30,11 +31,11 @@ def position_function(precision: str) -> Any:
 
 
 @cache
-def list_kernels(precision: str, curved: bool) -> Any:
+def list_kernels(precision: str, options: WallOptions) -> Any:
     """Kernels that sort particles and build lists; every kernel is serial and launched with dim = 1."""
     t = types(precision)
-    real, vec4, Bodies, Lists, Wall = t.real, t.vec4, t.Bodies, t.Lists, t.Wall
-    distance_of = wall_distance(precision, curved)
+    real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
+    distance_of = wall_functions(options).distance
     position = position_function(precision)
 
     @wp.kernel(enable_backward=False, module="unique")
@@ -96,17 +97,14 @@ def list_kernels(precision: str, curved: bool) -> Any:
         # inputs
         n: int,
         total: int,
-        rows: int,
         bigs: int,
         order: wp.array(dtype=wp.int32),
         b: Bodies,
         identity: wp.array(dtype=wp.int32),
-        wall_memory: wp.array(dtype=vec4),
         big_memory: wp.array(dtype=vec4),
         # outputs
         b_out: Bodies,
         identity_out: wp.array(dtype=wp.int32),
-        wall_memory_out: wp.array(dtype=vec4),
         big_memory_out: wp.array(dtype=vec4),
         place: wp.array(dtype=wp.int32),
     ):
@@ -123,8 +121,6 @@ def list_kernels(precision: str, curved: bool) -> Any:
             b_out.inv_i[k] = b.inv_i[i]
             b_out.kind[k] = b.kind[i]
             identity_out[k] = identity[i]
-            for row in range(rows):
-                wall_memory_out[row * total + k] = wall_memory[row * total + i]
             for row in range(bigs):
                 big_memory_out[row * total + k] = big_memory[row * total + i]
 
@@ -244,38 +240,73 @@ def list_kernels(precision: str, curved: bool) -> Any:
         count[2 * part + 1] = across
 
     @wp.kernel(enable_backward=False, module="unique")
+    def collect_walls(
+        # inputs
+        old: Lists,
+        parts: int,
+        capacity: int,
+        count: wp.array(dtype=wp.int32),
+        place: wp.array(dtype=wp.int32),
+        total: int,
+        # outputs
+        head: wp.array(dtype=wp.int32),
+        follow: wp.array(dtype=wp.int32),
+    ):
+        """Chains the wall candidates that have a memory to the new index of their body."""
+        for i in range(total):
+            head[i] = -1
+        for p in range(parts):
+            for q in range(p * capacity, p * capacity + count[p]):
+                if old.wall_memory[q][3] != real(0.0):
+                    i = place[old.wall_i[q]]
+                    follow[q] = head[i]
+                    head[i] = q
+
+    @wp.kernel(enable_backward=False, module="unique")
     def build_walls(
         # inputs
         part: int,
         first: int,
         last: int,
         b: Bodies,
-        walls: wp.array(dtype=Wall),
-        n_walls: int,
+        walls: Walls,
         skin: wp.float64,
-        total: int,
+        old: Lists,
+        head: wp.array(dtype=wp.int32),
+        follow: wp.array(dtype=wp.int32),
         base: int,
         capacity: int,
         # outputs
         lists: Lists,
         count: wp.array(dtype=wp.int32),
     ):
-        """Lists the particles first..last near a wall feature; the memory of those that are not near is cleared."""
+        """Lists the wall features near the particles first..last, behind those that the part has already."""
         found = int(count[part])
         for i in range(first, last):
-            for k in range(n_walls):
-                distance, _n = distance_of(walls[k], position(b, i))
+            for k in range(walls.features.shape[0]):
+                distance, _n = distance_of(walls, k, 0, position(b, i))
                 if distance - b.kin[i][6] < skin:
                     if found < capacity:
                         lists.wall_i[base + found] = i
                         lists.wall_f[base + found] = k
+                        memory = vec4()
+                        q = head[i]
+                        while q >= 0:
+                            if old.wall_f[q] == k:
+                                memory = old.wall_memory[q]
+                            q = follow[q]
+                        lists.wall_memory[base + found] = memory
                     found += 1
-                else:
-                    lists.wall_memory[k * total + i] = vec4()
         count[part] = found
 
     return SimpleNamespace(
-        bounds=bounds, sort=sort, permute=permute, collect=collect, build=build, build_walls=build_walls
+        bounds=bounds,
+        sort=sort,
+        permute=permute,
+        collect=collect,
+        build=build,
+        collect_walls=collect_walls,
+        build_walls=build_walls,
     )
 
 

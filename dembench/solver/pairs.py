@@ -10,7 +10,7 @@ from dembench.scene import Scene
 from dembench.solver.laws import Elastic, pair_constants
 from dembench.solver.types import types
 from dembench.solver.units import Units
-from dembench.solver.walls import wall_materials
+from dembench.solver.walls.features import wall_materials
 
 ONE, TABLE, RADII = "one", "table", "radii"
 """How pair constants are found: one for all pairs; a table over species; a table over materials scaled by radii."""

@@ -128,7 +128,7 @@ class Simulation:
         made = 0
         while made < n:
             try:
-                done = self._stepper.advance(n - made)
+                done = self._stepper.advance(n - made, self.steps)
             except SolverError as error:
                 text = f"step {self.steps} (t = {self.time:g} s, dt = {self.dt:g} s): {error}"
                 raise SolverError(text, error.reason) from None
@@ -256,4 +256,4 @@ class Simulation:
         """Lists and forces of a state that was changed from outside; the contact memory of lasting contacts stays."""
         if self._changed:
             self._changed = False
-            self._stepper.prepare()
+            self._stepper.prepare(self.steps)

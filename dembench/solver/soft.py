@@ -13,7 +13,7 @@ from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, advan
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.state import State
-from dembench.solver.walls import unsupported_walls
+from dembench.solver.walls.features import unsupported_walls
 
 SKIN = 0.2
 """Gap up to which pairs are listed, in smallest diameters."""
@@ -40,26 +40,31 @@ class SoftSpheres:
         self._travel = wp.zeros(4 + 4 * state.parts, dtype=wp.float64, device="cpu")
         self._overlap = 0.0
 
-    def prepare(self) -> None:
-        """Builds the lists and evaluates the forces of the initial state, without growth of the contact springs."""
-        self._rebuild()
+    def prepare(self, first: int = 0) -> None:
+        """Builds the lists and evaluates the forces after `first` steps, without growth of the contact springs."""
+        self._rebuild(first)
         self.state.bodies.load.zero_()
         flags = self._flags.numpy()
         flags[4] = 1
-        self._launch(0, 0.0)
+        # the forces of a step are those at its end
+        self._launch(0, first - 1, 0.0)
         while flags[3] == BIG_OVERFLOW:
             self._grow_big()
-            self._launch(0, 0.0)
+            self._launch(0, first - 1, 0.0)
 
-    def advance(self, n: int) -> int:
-        """Makes up to n steps, at least one, and returns how many; SolverError where a velocity is not finite."""
-        self._launch(n, self.dt)
+    def advance(self, n: int, first: int) -> int:
+        """Makes up to n steps beyond the `first` that are made; returns how many.
+
+        Raises:
+            SolverError: A velocity is not finite.
+        """
+        self._launch(n, first, self.dt)
         flags = self._flags.numpy()
         done, reason = int(flags[2]), int(flags[3])
         if reason == NOT_FINITE:
             raise SolverError("a velocity is not finite; the time step may be too large", reason="nan")
         if reason == REBUILD:
-            self._rebuild()
+            self._rebuild(first + done + 1)
         elif reason == BIG_OVERFLOW:
             self._grow_big()
         elif reason == DONE and done == 0:
@@ -74,7 +79,8 @@ class SoftSpheres:
         """Figures of this stepper beside those of the state."""
         return {}
 
-    def _rebuild(self) -> None:
+    def _rebuild(self, steps: int) -> None:
+        self.state.place_walls(steps * self.dt)
         self.state.rebuild()
         self._travel.numpy()[:3] = 0.0, -1.0, -1.0
 
@@ -82,12 +88,12 @@ class SoftSpheres:
         self.state.grow_big()
         self._travel.numpy()[2] = -1.0
 
-    def _launch(self, steps: int, memory_dt: float) -> None:
+    def _launch(self, steps: int, first: int, memory_dt: float) -> None:
         s, t = self.state, self._tables
 
         def one(part: int) -> None:
-            inputs = [part, s.parts, steps, memory_dt, self.dt, self._gravity, s.ranges, s.n, s.total, s.features]
-            inputs += [t.pairs, t.pair_columns, t.walls, t.wall_columns]
+            inputs = [part, s.parts, steps, float(first), memory_dt, self.dt, self._gravity, s.ranges, s.n, s.total]
+            inputs += [s.walls.record, s.wall_speed, t.pairs, t.pair_columns, t.walls, t.wall_columns]
             inputs += [s.skin, NEAR_SKIN * s.diameter, BIG_SKIN * s.diameter]
             inputs += [s.base, s.wall_capacity, s.big_capacity, s.pair_count, s.wall_count]
             outputs = [s.bodies, s.lists, s.near_count, self._flags, self._travel]
@@ -120,9 +126,7 @@ def step_options(scene: Scene, state: State, precision: str, midpoint: bool) -> 
         law=law,
         pairs=lookup_mode(scene),
         alike=state.alike(),
-        walls=has.walls,
-        curved=has.curved_walls,
-        moving=has.moving_walls,
+        walls=state.walls.options,
         bigs=state.big_rows > 0,
         rotation=has.rotation,
         threads=state.parts > 1,

@@ -13,7 +13,7 @@ from dembench.solver.neighbours import list_kernels
 from dembench.solver.pairs import kinds
 from dembench.solver.types import types, vec8d
 from dembench.solver.units import Units
-from dembench.solver.walls import wall_features
+from dembench.solver.walls.features import WallSet
 
 BIG_RATIO = 3.0
 """A body is kept apart as large where its radius exceeds this many median radii."""
@@ -29,7 +29,11 @@ class State:
         bodies, lists: The Warp records that kernels take.
         diameter: Smallest diameter [scene units].
         skin: Gap up to which pairs are listed [scene units]; set by the stepper before a rebuild.
+        walls: The walls of the scene.
+        wall_speed: Bound of the speed at which walls come towards bodies until the next rebuild [scene units].
     """
+
+    device: Any = "cpu"
 
     def __init__(self, scene: Scene, units: Units, precision: str, threads: int):
         self.units = units
@@ -44,10 +48,9 @@ class State:
         self.n = self.total - len(big)
         self.identity_start = np.concatenate([np.setdiff1d(np.arange(self.total), big), big]).astype(np.int32)
         self.parts = max(1, min(threads, self.n // 64))
-        self.features, self.wall_names = wall_features(scene, units, precision)
-        self.n_walls = len(self.wall_names)
-        curved = bool(self.n_walls) and any(int(f["shape"]) != 0 for f in self.features.numpy())
-        self.kernels = list_kernels(precision, curved)
+        self.walls = WallSet(scene, units, self.parts, self.device)
+        self.wall_speed = 0.0
+        self.kernels = list_kernels(precision, self.walls.options)
         self.reach = 2 * float(radii[self.identity_start[: self.n]].max(initial=0.5))
         self.rebuilds = 0
         self._pool = ThreadPoolExecutor(self.parts) if self.parts > 1 else None
@@ -76,7 +79,6 @@ class State:
         self.bodies, self._spare = self._bodies(n), self._bodies(n)
         self.identity, self._identity_spare = self._ints(n), self._ints(n)
         self.big_rows = self.total - self.n
-        self._wall_spare = self._memory(self.n_walls * n)
         self._big_spare = self._memory(self.big_rows * n)
         self.cell, self.order, self.place, self.head = (self._ints(n) for _ in range(4))
         self.pair_count = self._ints(2 * self.parts)
@@ -94,15 +96,15 @@ class State:
         self.lists = self.types.Lists()
         lists = self.lists
         self._new_pairs(lists)
-        lists.wall_i, lists.wall_f = (self._ints(self.parts * self.wall_capacity) for _ in range(2))
-        lists.wall_memory = self._memory(self.n_walls * self.total)
+        self._new_walls(lists)
         lists.big_i, lists.big_j = self._ints(self.big_capacity), self._ints(self.big_capacity)
         lists.big_memory = self._memory(self.big_rows * self.total)
         self._old = self.types.Lists()
         self._new_pairs(self._old)
-        for name in ("near", "wall_i", "wall_f", "big_i", "big_j"):
+        self._new_walls(self._old)
+        for name in ("near", "big_i", "big_j"):
             setattr(self._old, name, self._ints(1))
-        self._old.wall_memory = self._old.big_memory = self._memory(1)
+        self._old.big_memory = self._memory(1)
         self._follow = self._ints(len(lists.i))
 
     def _set_room(self, inside: int, across: int) -> None:
@@ -114,6 +116,11 @@ class State:
         pairs = int(self.base.numpy()[-1])
         lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
         lists.memory = self._memory(pairs)
+
+    def _new_walls(self, lists: Any) -> None:
+        candidates = self.parts * self.wall_capacity
+        lists.wall_i, lists.wall_f = self._ints(candidates), self._ints(candidates)
+        lists.wall_memory = self._memory(candidates)
 
     def _fill(self, scene: Scene, radii: np.ndarray) -> None:
         """Puts the scene's initial state into the arrays."""
@@ -189,9 +196,7 @@ class State:
             launch(self.kernels.permute, 0, self.total, *self._permuted())
             self._swap()
             return empty
-        box = wp.zeros(2, dtype=wp.vec3d, device="cpu")
-        launch(self.kernels.bounds, b, n, box)
-        grid = self.grid(*box.numpy())
+        grid = self.grid(*self._box())
         self.start = self._ints(int(np.prod(list(grid[3]))) + 1)
         launch(self.kernels.sort, b, n, *grid, self.cell, self.start, self.order)
         launch(self.kernels.permute, n, self.total, *self._permuted())
@@ -211,14 +216,12 @@ class State:
         return (wp.vec3d(*low), 1 / edge, wp.vec3i(*axis.tolist()), wp.vec3i(*cells.tolist()))
 
     def _permuted(self) -> list[Any]:
-        out = [self.n_walls, self.big_rows, self.order, self.bodies, self.identity]
-        out += [self.lists.wall_memory, self.lists.big_memory]
-        return [*out, self._spare, self._identity_spare, self._wall_spare, self._big_spare, self.place]
+        out = [self.big_rows, self.order, self.bodies, self.identity, self.lists.big_memory]
+        return [*out, self._spare, self._identity_spare, self._big_spare, self.place]
 
     def _swap(self) -> None:
         self.bodies, self._spare = self._spare, self.bodies
         self.identity, self._identity_spare = self._identity_spare, self.identity
-        self.lists.wall_memory, self._wall_spare = self._wall_spare, self.lists.wall_memory
         self.lists.big_memory, self._big_spare = self._big_spare, self.lists.big_memory
         # the pair arrays become the old ones; the new ones are written by the build
         for name in ("i", "j", "memory"):
@@ -265,38 +268,54 @@ class State:
 
         self.each_part(one)
 
+    def place_walls(self, time: float) -> None:
+        """Takes the walls to where they are at a time [scene units] and bounds their speed; due before a rebuild."""
+        self.walls.place(time)
+        if self.walls.moves and self.n:
+            low, high = self._box()
+            room = self.skin + self.diameter
+            self.wall_speed = self.walls.largest_speed(time, low - room, high + room)
+
+    def _box(self) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of the box around the centres of the small bodies [scene units]."""
+        box = wp.zeros(2, dtype=wp.vec3d, device="cpu")
+        self._launch(self.kernels.bounds, self.bodies, self.n, box)
+        low, high = box.numpy()
+        return low, high
+
     def _build_walls(self) -> None:
-        if not self.n_walls:
+        if not self.walls.count:
             return
+        for name in ("wall_i", "wall_f", "wall_memory"):
+            ours, theirs = getattr(self.lists, name), getattr(self._old, name)
+            setattr(self.lists, name, theirs)
+            setattr(self._old, name, ours)
+        if len(self._follow) < len(self._old.wall_i):
+            self._follow = self._ints(len(self._old.wall_i))
+        chains = [self.head, self._follow]
+        inputs = [self._old, self.parts, self.wall_capacity, self.wall_count, self.place, self.total]
+        self._launch(self.kernels.collect_walls, *inputs, *chains)
+
+        def one(part: int) -> None:
+            spans = [(int(self.ranges_host[part]), int(self.ranges_host[part + 1]), self.skin)]
+            if part == 0:
+                # large bodies are tested against all walls in every step: they outrun the skin of the small ones
+                spans.append((self.n, self.total, 1e30))
+            for first, last, skin in spans:
+                inputs = [part, first, last, self.bodies, self.walls.record, skin, self._old, *chains]
+                inputs += [part * self.wall_capacity, self.wall_capacity]
+                self._launch(self.kernels.build_walls, *inputs, self.lists, self.wall_count)
+
         while True:
             self.wall_count.zero_()
-            for part in range(self.parts):
-                spans = [(int(self.ranges_host[part]), int(self.ranges_host[part + 1]))]
-                if part == 0:
-                    spans.append((self.n, self.total))
-                for first, last in spans:
-                    # large bodies are tested against all walls in every step: they outrun the skin of the small ones
-                    skin = self.skin if last <= self.n else 1e30
-                    self._launch(
-                        self.kernels.build_walls,
-                        part,
-                        first,
-                        last,
-                        self.bodies,
-                        self.features,
-                        self.n_walls,
-                        skin,
-                        self.total,
-                        part * self.wall_capacity,
-                        self.wall_capacity,
-                        self.lists,
-                        self.wall_count,
-                    )
+            if len(self.lists.wall_i) < self.parts * self.wall_capacity:
+                self._new_walls(self.lists)
+            self.each_part(one)
             needed = int(self.wall_count.numpy().max())
             if needed <= self.wall_capacity:
                 return
+            # the old candidates stay where they are until a build has carried their memory over
             self.wall_capacity = int(1.2 * needed) + 64
-            self.lists.wall_i, self.lists.wall_f = (self._ints(self.parts * self.wall_capacity) for _ in range(2))
 
     def grow_big(self) -> None:
         """Makes room for more candidates of the large bodies."""

@@ -18,7 +18,7 @@ vec8d = wp.types.vector(8, wp.float64)
 
 @cache
 def types(precision: str) -> Any:
-    """Types of a precision ("float32" or "float64"): real, vec3, vec4 and the records Bodies, PairClass, Wall, Lists.
+    """Types of a precision ("float32" or "float64"): real, vec3, vec4 and the records Bodies, PairClass, Lists.
 
     Bodies: the particle arrays, what a contact needs of a body side by side. kin: position (0-2), velocity (3-5),
     radius (6); spin: angular velocity (0-2); load: force (0-2) and torque (4-6); inv_m, inv_i: inverse mass and moment
@@ -28,9 +28,8 @@ def types(precision: str) -> Any:
     kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4);
     mu: friction; m: reduced mass; e, beta: normal and tangential restitution.
 
-    Wall: one feature of a wall. shape: 0 plane, 1 mantle of revolution.
-
-    Lists: pairs (i, j) within the skin and their contact memory, the subset that is near, and wall candidates.
+    Lists: pairs (i, j) within the skin and their contact memory, the subset that is near; candidates of bodies wall_i
+    against wall features wall_f, those of one body side by side, with their memory; candidates of the large bodies.
     """
     real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
     vec3: Any = wp.types.vector(3, real)
@@ -55,19 +54,6 @@ def types(precision: str) -> Any:
         e: real
         beta: real
 
-    class Wall:
-        shape: wp.int32
-        kind: wp.int32
-        outside: wp.int32
-        point: wp.vec3d
-        axis: wp.vec3d
-        length: wp.float64
-        r0: wp.float64
-        r1: wp.float64
-        velocity: wp.vec3d
-        spin: wp.vec3d
-        centre: wp.vec3d
-
     class Lists:
         i: wp.array(dtype=wp.int32)
         j: wp.array(dtype=wp.int32)
@@ -81,7 +67,7 @@ def types(precision: str) -> Any:
         big_memory: wp.array(dtype=vec4)
 
     records = {}
-    for record in (Bodies, PairClass, Wall, Lists):
+    for record in (Bodies, PairClass, Lists):
         name = record.__name__
         record.__qualname__ = record.__name__ = f"{name}_{precision}"
         records[name] = wp.struct(record)

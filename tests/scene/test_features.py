@@ -60,6 +60,10 @@ PLATE = Mesh(name="plate", material="glass", triangles=[[[0, 0, 0], [1, 0, 0], [
         ({"walls": (DRUM,)}, {"walls", "curved_walls"}),
         ({"walls": (PLATE,)}, {"walls", "mesh_walls"}),
         ({"walls": (DRUM.model_copy(update={"motion": Motion()}),)}, {"walls", "curved_walls", "moving_walls"}),
+        (
+            {"walls": (BOX.model_copy(update={"motion": Motion(velocity=(1, 0, 0))}),)},
+            {"walls", "moving_walls", "moving_geometry"},
+        ),
         ({"gravity": (0, 0, -9.81)}, {"gravity"}),
         ({"sinks": (Sink(name="out", region=Region()),)}, {"sinks"}),
         ({"constraints": (Constraint(kind="fixed", bodies=(0,)),)}, {"constraints"}),

@@ -9,14 +9,12 @@ import pytest
 from grains import FLOOR, RADIUS, grains
 
 from dembench.scene import (
-    Box,
     Cylinder,
     Domain,
     LinearSpring,
     Mesh,
     Motion,
     PairLaw,
-    Plane,
     Region,
     Scene,
     Sink,
@@ -39,7 +37,7 @@ POSITION = [[0, 0, RADIUS], [0, 0, 4 * RADIUS]]
 def test_a_scene_without_friction_has_no_tangential_part() -> None:
     scene = grains(POSITION, friction=0.0)
     bare = options(scene)
-    assert not bare.law.friction and not bare.rotation and not bare.walls and not bare.bigs and not bare.threads
+    assert not bare.law.friction and not bare.rotation and not bare.walls.present and not bare.bigs and not bare.threads
     full = options(grains(POSITION, friction=0.1))
     assert full.law.friction and full.rotation
 
@@ -61,16 +59,18 @@ def test_the_law_and_the_step_are_those_that_were_asked_for() -> None:
 
 
 def test_walls_are_compiled_by_kind() -> None:
-    def kinds(*walls: Any) -> tuple[bool, bool, bool]:
-        found = options(grains(POSITION, walls=walls))
-        return found.walls, found.curved, found.moving
+    def kinds(*walls: Any) -> tuple[bool, bool, bool, bool]:
+        found = options(grains(POSITION, walls=walls)).walls
+        return found.present, found.curved, found.moving, found.timed
 
     tube = Cylinder(name="tube", material="grain", start=(0, 0, 0), end=(0, 0, 1), radius=0.1)
     belt = FLOOR.model_copy(update={"motion": Motion(velocity=(1.0, 0, 0))})
-    assert kinds() == (False, False, False)
-    assert kinds(FLOOR) == (True, False, False)
-    assert kinds(FLOOR, tube) == (True, True, False)
-    assert kinds(belt) == (True, False, True)
+    lift = FLOOR.model_copy(update={"motion": Motion(velocity=(0, 0, 1.0))})
+    assert kinds() == (False, False, False, False)
+    assert kinds(FLOOR) == (True, False, False, False)
+    assert kinds(FLOOR, tube) == (True, True, False, False)
+    assert kinds(belt) == (True, False, True, False)
+    assert kinds(lift) == (True, False, True, True)
 
 
 def test_pair_constants_are_looked_up_the_cheapest_way_that_is_exact() -> None:
@@ -98,30 +98,6 @@ MISSING = {
     "sinks": (BOTH, {"sinks": (Sink(name="drain", region=Region(upper=(None, None, -1.0))),)}),
     "periodic domains": (BOTH, {"domain": Domain(lower=(-1,) * 3, upper=(1,) * 3, periodic=(True, False, False))}),
     "wall chute: triangle meshes": (BOTH, {"walls": (Mesh(name="chute", material="grain", triangles=TRIANGLES),)}),
-    "wall lid: a motion that changes where the wall is": (
-        BOTH,
-        {
-            "walls": (
-                Plane(
-                    name="lid", material="grain", point=(0, 0, 0), normal=(0, 0, 1), motion=Motion(velocity=(0, 0, 1))
-                ),
-            )
-        },
-    ),
-    "wall tray: a motion that changes where the wall is": (
-        BOTH,
-        {
-            "walls": (
-                Box(
-                    name="tray",
-                    material="grain",
-                    lower=(-1,) * 3,
-                    upper=(1,) * 3,
-                    motion=Motion(amplitude=(0.1, 0, 0), frequency=5.0),
-                ),
-            )
-        },
-    ),
     "contact law linear": (["soft-sphere"], {"law": LinearSpring(normal_stiffness=1e4, tangential_stiffness=1e4)}),
     "tangential restitution": (["impulse"], {"pair_laws": (PairLaw(**LAW, tangential_restitution=0.4),)}),
 }

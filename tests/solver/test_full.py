@@ -24,10 +24,12 @@ from dembench.solver.full_sort import sort_kernels
 from dembench.solver.full_step import full_kernels
 from dembench.solver.guard import SolverError
 from dembench.solver.laws import LawOptions
+from dembench.solver.walls.records import WallOptions
 
 ROUNDING = 1e-10 * 2 * RADIUS
 """Largest difference of positions [m] between two orders of the same sums."""
 STEPS = 10 * BLOCK + 7
+WALLS = WallOptions(present=True, curved=True, moving=True, timed=True)
 
 
 def lattice(edge: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -199,8 +201,8 @@ def test_impossible_settings_are_named(settings: dict[str, Any], message: str) -
 
 def test_every_kernel_compiles_for_cuda(tmp_path: Path) -> None:
     """All that a scene with every feature launches, ahead of time, on a machine without a GPU."""
-    options = StepOptions(LawOptions(), pairs="radii", walls=True, curved=True, moving=True, bigs=True)
-    groups = (full_kernels(options), full_list_kernels("float32", True, True), sort_kernels("float32"))
+    options = StepOptions(LawOptions(), pairs="radii", walls=WALLS, bigs=True)
+    groups = (full_kernels(options), full_list_kernels("float32", WALLS, True), sort_kernels("float32"))
     for kernel in [kernel for group in groups for kernel in vars(group).values()]:
         paths = wp.compile_aot_module(
             kernel.module, device=None, arch=[80, 90], module_dir=tmp_path / kernel.key, use_ptx=True

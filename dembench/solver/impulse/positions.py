@@ -10,18 +10,19 @@ import warp as wp
 
 from dembench.solver.impulse.rows import ImpulseOptions, direction_function, row_types
 from dembench.solver.types import types, vec8d
-from dembench.solver.walls import wall_distance
+from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.records import Walls
 
 
 @cache
 def position_sweep(o: ImpulseOptions) -> Any:
     """A Warp function (bodies, lists, rows, ..., reverse) that visits every row and returns the largest overlap."""
     t = types(o.precision)
-    real, Bodies, Wall, Lists = t.real, t.Bodies, t.Wall, t.Lists
+    real, Bodies, Lists = t.real, t.Bodies, t.Lists
     Rows = row_types(o.precision)
-    distance_of = wall_distance(o.precision, o.curved)
+    distance_of = wall_functions(o.walls).distance
     direction = direction_function(o.precision)
-    walls = o.walls
+    present = o.walls.present
 
     @wp.func
     def shifted(k: vec8d, d: wp.vec3d):
@@ -33,7 +34,7 @@ def position_sweep(o: ImpulseOptions) -> Any:
         lists: Lists,
         rows: Rows,
         count: int,
-        features: wp.array(dtype=Wall),
+        walls: Walls,
         total: int,
         slop: wp.float64,
         dt: wp.float64,
@@ -67,8 +68,8 @@ def position_sweep(o: ImpulseOptions) -> Any:
                         rows.push[r] = rows.push[r] + real(overlap / ((mi + mj) * dt))
                         b.kin[i] = shifted(ki, mi * push)
                         b.kin[j] = shifted(kj, -mj * push)
-            elif wp.static(walls):
-                distance, normal = distance_of(features[lists.wall_f[j - total]], xi)
+            elif wp.static(present):
+                distance, normal = distance_of(walls, lists.wall_f[j - total], 0, xi)
                 overlap = ki[6] - distance
                 largest = wp.max(largest, overlap)
                 if overlap > slop and mi > zero:

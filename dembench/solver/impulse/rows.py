@@ -4,7 +4,7 @@ A row is kept for every pair whose gap can close within the step. Normals and ga
 a positive gap enters as v' >= -gap/dt.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -12,7 +12,8 @@ import warp as wp
 
 from dembench.solver.pairs import ONE, pair_lookup
 from dembench.solver.types import types
-from dembench.solver.walls import wall_distance
+from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.records import WallOptions, Walls
 
 
 @dataclass(frozen=True)
@@ -23,15 +24,14 @@ class ImpulseOptions:
         precision: "float32" or "float64".
         friction: Tangential impulses and spins.
         pairs: How pair constants are looked up.
-        walls, curved, moving, bigs: Whether there are walls, mantles, wall motions and large bodies.
+        walls: What of the walls is needed.
+        bigs: Whether there are large bodies.
     """
 
     precision: str = "float32"
     friction: bool = True
     pairs: str = ONE
-    walls: bool = False
-    curved: bool = False
-    moving: bool = False
+    walls: WallOptions = field(default_factory=WallOptions)
     bigs: bool = False
 
 
@@ -86,12 +86,13 @@ def row_functions(o: ImpulseOptions) -> Any:
     """Warp functions (pair_rows, big_rows, wall_rows) that append rows and return their number."""
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
-    Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
+    Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows = row_types(o.precision)
     of_pair, of_wall = pair_lookup(o.precision, o.pairs)
-    distance_of = wall_distance(o.precision, o.curved)
+    of_feature = wall_functions(o.walls)
+    distance_of, velocity_of = of_feature.distance, of_feature.velocity
     direction = direction_function(o.precision)
-    friction, moving = o.friction, o.moving
+    friction = o.friction
 
     @wp.func
     def put(
@@ -216,7 +217,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         b: Bodies,
         lists: Lists,
         listed: int,
-        features: wp.array(dtype=Wall),
+        walls: Walls,
         total: int,
         table: wp.array(dtype=PairClass),
         columns: int,
@@ -232,37 +233,34 @@ def row_functions(o: ImpulseOptions) -> Any:
             i, f = lists.wall_i[q], lists.wall_f[q]
             k = b.kin[i]
             x = wp.vec3d(k[0], k[1], k[2])
-            distance, normal = distance_of(features[f], x)
+            distance, normal = distance_of(walls, f, 0, x)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
             gap = real(distance - k[6])
-            v = wp.vec3d()
-            if wp.static(moving):
-                v = features[f].velocity + wp.cross(features[f].spin, x - features[f].centre)
+            v = velocity_of(walls, f, 0, x)
             approach = real((k[3] - v[0]) * normal[0] + (k[4] - v[1]) * normal[1] + (k[5] - v[2]) * normal[2])
-            slot = f * total + i
             if gap + wp.min(approach, real(0.0)) * dt < margin:
                 if found < capacity:
                     z = real(0.0)
                     rows.hit[total + q] = 0
                     rows.u[total + q] = vec8(real(v[0]), real(v[1]), real(v[2]), z, z, z, z, z)
-                    c = of_wall(b, i, features[f].kind, table, columns)
+                    c = of_wall(b, i, walls.features[f].kind, table, columns)
                     put(
                         rows,
                         found,
                         i,
                         total + q,
-                        slot,
+                        q,
                         n,
                         gap,
                         real(k[6]),
                         z,
                         c,
-                        lists.wall_memory[slot],
+                        lists.wall_memory[q],
                         dt,
                         event,
                     )
                 found += 1
-            lists.wall_memory[slot] = vec4()
+            lists.wall_memory[q] = vec4()
         return found
 
     return pair_rows, big_rows, wall_rows

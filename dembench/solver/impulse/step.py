@@ -11,6 +11,8 @@ from dembench.solver.impulse.rows import ImpulseOptions, row_functions, row_type
 from dembench.solver.impulse.sweeps import sweep_functions
 from dembench.solver.neighbours import near_functions
 from dembench.solver.types import types, vec8d
+from dembench.solver.walls.motion import place
+from dembench.solver.walls.records import Walls
 
 DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
 """Why a launch came back."""
@@ -18,7 +20,9 @@ DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
 
 @cache
 def impulse_kernel(o: ImpulseOptions) -> Any:
-    """The kernel that makes up to `steps` steps.
+    """The kernel that makes up to `steps` steps, of which the scene has made `first`.
+
+    `wall_speed` bounds the speed at which walls come towards bodies.
 
     Each step: gravity; rows from the near pairs; collisions, until no pair meets faster than `event`; warm start;
     velocity sweeps until the largest correction is below `still`; drift with the new velocities (symplectic); position
@@ -31,7 +35,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     """
     t = types(o.precision)
     real, vec4, vec8 = t.real, t.vec4, t.vec8
-    Bodies, PairClass, Wall, Lists = t.Bodies, t.PairClass, t.Wall, t.Lists
+    Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows = row_types(o.precision)
     pair_rows, big_rows, wall_rows = row_functions(o)
     warm_start, sweep, remember = sweep_functions(o)
@@ -39,7 +43,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     push = position_sweep(o)
     near = near_functions(o.precision)
     pick_near, pick_big = near.pick_near, near.pick_big
-    walls, bigs, friction = o.walls, o.bigs, o.friction
+    present, timed = o.walls.present, o.walls.timed
+    bigs, friction = o.bigs, o.friction
 
     @wp.func
     def fall(b: Bodies, i: int, rows: Rows, dt: wp.float64, gravity: wp.vec3d):
@@ -78,11 +83,13 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     def advance(
         # inputs
         steps: int,
+        first: wp.float64,
         dt: wp.float64,
         gravity: wp.vec3d,
         n: int,
         total: int,
-        features: wp.array(dtype=Wall),
+        walls: Walls,
+        wall_speed: wp.float64,
         pair_table: wp.array(dtype=PairClass),
         pair_columns: int,
         wall_table: wp.array(dtype=PairClass),
@@ -115,6 +122,10 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
         done, reason, going = int(0), int(DONE), int(1)
         counted = int(0)
         while going == 1 and done < steps:
+            now = dt * (first + wp.float64(done))
+            if wp.static(timed):
+                # the mean velocity over the step, so that a gap closes where the wall will be
+                place(walls, 0, now, now + wp.float64(0.5) * dt)
             fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
             for i in range(n):
                 k = b.kin[i]
@@ -124,6 +135,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 fastest_big = wp.max(fastest_big, k[3] * k[3] + k[4] * k[4] + k[5] * k[5])
             fall_step = dt * dt * wp.length(gravity)
             reach = dt * wp.sqrt(fastest) + fall_step
+            if wp.static(timed):
+                reach = wp.max(reach, dt * wall_speed)
             reach_big = dt * wp.sqrt(fastest_big) + fall_step
             if since_build > wp.float64(0.0) and two * (since_build + reach) + wp.float64(margin) > skin:
                 reason = int(REBUILD)
@@ -176,12 +189,12 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                         row_capacity,
                     )
                 counted = first_wall + 0
-                if wp.static(walls):
+                if wp.static(present):
                     counted = wall_rows(
                         b,
                         lists,
                         wall_count[0],
-                        features,
+                        walls,
                         total,
                         wall_table,
                         wall_columns,
@@ -212,10 +225,12 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                     state[5] = state[5] + sweeps
                 for i in range(total):
                     check += drift(b, i, rows, dt)
+                if wp.static(timed):
+                    place(walls, 0, now + dt, now + dt)
                 left = wp.float64(0.0)
                 passes = int(0)
                 while passes < position_sweeps:
-                    left = push(b, lists, rows, counted, features, total, slop, dt, passes % 2)
+                    left = push(b, lists, rows, counted, walls, total, slop, dt, passes % 2)
                     passes += 1
                     if left <= slop:
                         state[6] = state[6] + passes
@@ -225,7 +240,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 remember(rows, 0, first_big, lists.memory)
                 if wp.static(bigs):
                     remember(rows, first_big, first_wall, lists.big_memory)
-                if wp.static(walls):
+                if wp.static(present):
                     remember(rows, first_wall, counted, lists.wall_memory)
                 travel[3] = wp.max(travel[3], left)
                 farthest, farthest_big = wp.float64(0.0), wp.float64(0.0)
@@ -233,8 +248,11 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                     farthest = wp.max(farthest, moved(b, i, rows))
                 for i in range(n, total):
                     farthest_big = wp.max(farthest_big, moved(b, i, rows))
-                since_build += wp.sqrt(farthest)
-                since_near += wp.sqrt(farthest)
+                travelled = wp.sqrt(farthest)
+                if wp.static(timed):
+                    travelled = wp.max(travelled, dt * wall_speed)
+                since_build += travelled
+                since_near += travelled
                 since_big += wp.sqrt(farthest) + wp.sqrt(farthest_big)
                 done += 1
                 if not wp.isfinite(check):

@@ -14,7 +14,7 @@ from dembench.solver.impulse.step import BIG_OVERFLOW, NOT_FINITE, REBUILD, impu
 from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
-from dembench.solver.walls import unsupported_walls
+from dembench.solver.walls.features import unsupported_walls
 
 EVENT = 2.0
 """A pair that meets faster than this many g dt rebounds; a slower one rests."""
@@ -54,9 +54,7 @@ class Impulses:
             precision=precision,
             friction=has.rotation,
             pairs=lookup_mode(scene),
-            walls=has.walls,
-            curved=has.curved_walls,
-            moving=has.moving_walls,
+            walls=state.walls.options,
             bigs=state.big_rows > 0,
         )
         self.kernels = [impulse_kernel(options)]
@@ -70,14 +68,18 @@ class Impulses:
         self._steps = 0
         self._big_skin = BIG_SKIN * state.diameter
 
-    def prepare(self) -> None:
-        """Builds the lists of the initial state."""
-        self._rebuild()
+    def prepare(self, first: int = 0) -> None:
+        """Builds the lists of the state after `first` steps."""
+        self._rebuild(first)
 
-    def advance(self, n: int) -> int:
-        """Makes up to n steps and returns how many; SolverError where a velocity is not finite."""
+    def advance(self, n: int, first: int) -> int:
+        """Makes up to n steps beyond the `first` that are made; returns how many.
+
+        Raises:
+            SolverError: A velocity is not finite.
+        """
         s, t, d = self.state, self._tables, self.state.diameter
-        inputs = [n, self.dt, self._gravity, s.n, s.total, s.features]
+        inputs = [n, float(first), self.dt, self._gravity, s.n, s.total, s.walls.record, s.wall_speed]
         inputs += [
             t.pairs,
             t.pair_columns,
@@ -98,10 +100,10 @@ class Impulses:
         if reason == NOT_FINITE:
             raise SolverError("a velocity is not finite", reason="nan")
         if reason == REBUILD:
-            self._rebuild()
+            self._rebuild(first + done)
         elif reason == BIG_OVERFLOW:
             s.grow_big()
-            self._rebuild()
+            self._rebuild(first + done)
         return done
 
     def largest_overlap(self) -> float:
@@ -118,11 +120,12 @@ class Impulses:
             "position sweeps per step": int(flags[6]) / steps,
         }
 
-    def _rebuild(self) -> None:
+    def _rebuild(self, steps: int) -> None:
         """Lists with room for the next steps at the present speeds; row arrays that hold every listed contact."""
         s = self.state
+        s.place_walls(steps * self.dt)
         speed = np.linalg.norm(s.bodies.kin.numpy()[: s.total, 3:6], axis=1)
-        reach = self.dt * (float(speed[: s.n].max(initial=0)) + self._fall)
+        reach = max(self.dt * float(speed[: s.n].max(initial=0)) + self._fall, self.dt * s.wall_speed)
         reach_big = self.dt * (float(speed[s.n :].max(initial=0)) + self._fall)
         margin = MARGIN * s.diameter
         wanted = min(2 * SKIN_STEPS * reach + margin, SKIN_LIMIT * s.diameter)

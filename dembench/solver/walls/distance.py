@@ -1,0 +1,91 @@
+"""Distance of a point to a wall feature, and the velocity of its surface, as Warp functions for all drivers."""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.walls.records import MANTLE, Feature, WallOptions, Walls
+
+
+@wp.func
+def mantle_distance(f: Feature, x: wp.vec3d):
+    """Mantle of revolution.
+
+    It ends at its rims: beyond them the nearest point is on the rim circle. Behind a mantle the distance is negative,
+    so that a particle is pushed back.
+    """
+    zero = wp.float64(0.0)
+    rel = x - f.point
+    along = wp.dot(rel, f.axis)
+    across = rel - along * f.axis
+    radial = wp.length(across)
+    outward = wp.vec3d()
+    if radial > zero:
+        outward = across / radial
+    slant = wp.sqrt(f.length * f.length + (f.r1 - f.r0) * (f.r1 - f.r0))
+    ca, cr = f.length / slant, (f.r1 - f.r0) / slant
+    s = along * ca + (radial - f.r0) * cr
+    distance = along * cr - (radial - f.r0) * ca
+    normal = cr * f.axis - ca * outward
+    if f.outside == 1:
+        distance = -distance
+        normal = -normal
+    t = wp.clamp(s, zero, slant)
+    if s != t:
+        da = along - t * ca
+        dr = radial - f.r0 - t * cr
+        distance = wp.sqrt(da * da + dr * dr)
+        normal = wp.vec3d()
+        if distance > zero:
+            normal = (da * f.axis + dr * outward) / distance
+        else:
+            normal = ca * f.axis * wp.sign(s)
+    return distance, normal
+
+
+@cache
+def wall_functions(o: WallOptions) -> Any:
+    """Warp functions `distance` and `velocity` of a feature at a point.
+
+    distance(walls, k, first, x) -> (distance, unit normal into the void) of feature k; `first` is where the poses of
+    the thread begin. velocity(walls, k, first, x) is that of the surface at x.
+    """
+    curved, timed, moving = o.curved, o.timed, o.moving
+
+    @wp.func
+    def at_rest(walls: Walls, k: int, x: wp.vec3d):
+        n = wp.vec3d(walls.features[k].axis)
+        d = wp.dot(x - walls.features[k].point, n)
+        if wp.static(curved):
+            if walls.features[k].shape == wp.static(MANTLE):
+                d, n = mantle_distance(walls.features[k], x)
+        return d, n
+
+    @wp.func
+    def distance(walls: Walls, k: int, first: int, x: wp.vec3d):
+        d, n = wp.float64(0.0), wp.vec3d()
+        if wp.static(timed):
+            m = walls.features[k].motion
+            if m >= 0 and walls.poses[first + m].stays == 0:
+                pose = walls.poses[first + m]
+                d, n = at_rest(walls, k, pose.start + wp.quat_rotate_inv(pose.turn, x - pose.centre))
+                n = wp.quat_rotate(pose.turn, n)
+            else:
+                d, n = at_rest(walls, k, x)
+        else:
+            d, n = at_rest(walls, k, x)
+        return d, n
+
+    @wp.func
+    def velocity(walls: Walls, k: int, first: int, x: wp.vec3d):
+        v = wp.vec3d()
+        if wp.static(moving):
+            m = walls.features[k].motion
+            if m >= 0:
+                pose = walls.poses[first + m]
+                v = pose.velocity + wp.cross(pose.spin, x - pose.centre)
+        return v
+
+    return SimpleNamespace(distance=distance, velocity=velocity)
