@@ -137,6 +137,7 @@ class Liggghts(Engine):
                 faults.append(f"Poisson's ratio {material.poisson:g} of {material.name}: it must not be negative")
         present = features(scene)
         faults += ["rolling friction"] * present.rolling_friction + ["sinks"] * present.sinks
+        faults += ["particles that are no spheres"] * present.shapes
         faults += [f"constraint {kind}" for kind in sorted({c.kind for c in scene.constraints} - {"fixed"})]
         faults += [f"wall force (observable {o.name})" for o in scene.observables if isinstance(o, WallForce)]
         for wall in scene.walls:

@@ -18,12 +18,14 @@ from dembench.scene.observables import (
     ZoneCount,
 )
 from dembench.scene.scene import Constraint, Domain, Scene, Sink, Species
+from dembench.scene.shapes import Clump, Grain
 from dembench.scene.walls import Box, Cylinder, Frustum, Mesh, Motion, Plane, geometry_moves
 
 __all__ = [
     "Bodies",
     "Box",
     "CentreOfMass",
+    "Clump",
     "Constraint",
     "Count",
     "Cylinder",
@@ -31,6 +33,7 @@ __all__ = [
     "Energy",
     "Features",
     "Frustum",
+    "Grain",
     "HertzMindlin",
     "LinearSpring",
     "Material",

@@ -59,6 +59,19 @@ def _checked(array: np.ndarray) -> np.ndarray:
     return array
 
 
+def _quaternions(value: Any) -> np.ndarray:
+    array = _numbers(value)
+    if array.size == 0:
+        array = array.reshape(0, 4)
+    if array.ndim != 2 or array.shape[1] != 4:
+        raise ValueError(f"expected shape (n, 4), got {array.shape}")
+    length = np.linalg.norm(_checked(array), axis=1)
+    if not (np.abs(length - 1) < 1e-6).all():
+        bad = int(np.argmax(np.abs(length - 1)))
+        raise ValueError(f"quaternion of particle {bad} has the norm {length[bad]:g}; it must be 1")
+    return array
+
+
 _as_list = PlainSerializer(lambda array: array.tolist(), return_type=list)
 
 
@@ -67,7 +80,9 @@ def _array_of(items: dict[str, Any]) -> Any:
 
 
 _vector = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+_quaternion = {"type": "array", "items": {"type": "number"}, "minItems": 4, "maxItems": 4}
 Rows = Annotated[Any, BeforeValidator(_rows), _as_list, _array_of(_vector)]
+Quaternions = Annotated[Any, BeforeValidator(_quaternions), _as_list, _array_of(_quaternion)]
 Column = Annotated[Any, BeforeValidator(_column), _as_list, _array_of({"type": "number", "exclusiveMinimum": 0})]
 Indices = Annotated[Any, BeforeValidator(_indices), _as_list, _array_of({"type": "integer", "minimum": 0})]
 
@@ -81,6 +96,8 @@ class Bodies(Model):
         velocity: Velocities [m/s], shape (n, 3); None means at rest.
         angular_velocity: Angular velocities [rad/s], shape (n, 3); None means none.
         radius: Radii [m], shape (n,), where they differ from those of the species; None means those of the species.
+        orientation: Unit quaternions (x, y, z, w) that turn the frames of the shapes into space, shape (n, 4); None
+            means that none is turned.
     """
 
     position: Rows
@@ -88,6 +105,7 @@ class Bodies(Model):
     velocity: Rows = None
     angular_velocity: Rows = None
     radius: Column | None = None
+    orientation: Quaternions | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -108,7 +126,7 @@ class Bodies(Model):
     @model_validator(mode="after")
     def _same_length(self) -> Bodies:
         n = len(self.position)
-        for name in ("species", "velocity", "angular_velocity", "radius"):
+        for name in ("species", "velocity", "angular_velocity", "radius", "orientation"):
             array = getattr(self, name)
             if array is not None and len(array) != n:
                 raise ValueError(f"{name} has {len(array)} rows, position has {n}")

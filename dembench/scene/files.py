@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -16,6 +17,9 @@ from dembench.scene.bodies import Bodies
 from dembench.scene.scene import Scene
 
 INLINE_BODIES = 100
+"""A file of a scene with more bodies has their arrays beside it."""
+INLINE_NUMBERS = 3000
+"""An array outside the bodies with more numbers, as of a mesh or a field, stands beside the file."""
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*\.npz")
 
 
@@ -24,17 +28,23 @@ class SceneError(ValueError):
 
 
 def save_scene(scene: Scene, path: Path) -> None:
-    """Writes a scene to a JSON file; the arrays of more than 100 bodies go into `<stem>.npz` beside it."""
-    data = scene.description()
+    """Writes a scene to a JSON file.
+
+    The arrays of more than 100 bodies and other large arrays go into `<stem>.npz` beside it.
+    """
+    beside: dict[str, np.ndarray] = {}
+    store = path.with_suffix(".npz")
+    data = _put_beside(scene.description(), "", store.name, beside)
     if len(scene.bodies) <= INLINE_BODIES:
         data["bodies"] = {name: array.tolist() for name, array in scene.bodies.arrays().items()}
     else:
-        arrays = path.with_suffix(".npz")
-        temporary = arrays.with_name(arrays.name + ".tmp")
+        beside.update(scene.bodies.arrays())
+        data["bodies"] = {"file": store.name, "sha256": scene.bodies.digest()}
+    if beside:
+        temporary = store.with_name(store.name + ".tmp")
         with open(temporary, "wb") as stream:
-            np.savez(stream, allow_pickle=False, **scene.bodies.arrays())
-        os.replace(temporary, arrays)
-        data["bodies"] = {"file": arrays.name, "sha256": scene.bodies.digest()}
+            np.savez(stream, allow_pickle=False, **beside)
+        os.replace(temporary, store)
     temporary = path.with_name(path.name + ".tmp")
     temporary.write_text(json.dumps(data, indent=1))
     os.replace(temporary, path)
@@ -54,6 +64,7 @@ def load_scene(path: Path) -> Scene:
         raise SceneError(f"{path}: not JSON: {error}") from None
     if isinstance(data, dict) and isinstance(data.get("bodies"), dict) and "file" in data["bodies"]:
         data["bodies"] = _load_bodies(path, data["bodies"])
+    data = _take_back(data, path)
     return scene_from(data, str(path))
 
 
@@ -97,18 +108,60 @@ def explain(error: ValidationError, source: str) -> str:
     return "\n".join(lines)
 
 
-def _load_bodies(path: Path, reference: dict[str, Any]) -> Bodies:
-    name = reference["file"]
+def _put_beside(data: Any, place: str, store: str, beside: dict[str, np.ndarray]) -> Any:
+    """The data with a reference in place of every large array, which goes into `beside`."""
+    if isinstance(data, dict):
+        return {key: _put_beside(value, f"{place}.{key}", store, beside) for key, value in data.items()}
+    if not isinstance(data, list):
+        return data
+    if data and isinstance(data[0], list):
+        array = np.array(data)
+        if array.size > INLINE_NUMBERS:
+            name = place.lstrip(".")
+            beside[name] = array
+            return {"file": store, "array": name, "sha256": _digest(array)}
+        return data
+    return [_put_beside(value, f"{place}.{k}", store, beside) for k, value in enumerate(data)]
+
+
+def _take_back(data: Any, path: Path) -> Any:
+    """The data with the arrays that stand beside the file."""
+    if isinstance(data, dict) and {"file", "array"} <= set(data):
+        stored = _stored(path, data["array"], data["file"])
+        if data["array"] not in stored:
+            raise SceneError(f"{path}: {data['array']}: {data['file']} has no such array")
+        array = stored[data["array"]]
+        if data.get("sha256") not in (None, _digest(array)):
+            raise SceneError(f"{path}: {data['array']}: {data['file']} is not the file that this scene was saved with")
+        return array
+    if isinstance(data, dict):
+        return {key: _take_back(value, path) for key, value in data.items()}
+    return [_take_back(value, path) for value in data] if isinstance(data, list) else data
+
+
+def _digest(array: np.ndarray) -> str:
+    return hashlib.sha256(f"{array.shape}{array.dtype.str}".encode() + array.tobytes()).hexdigest()
+
+
+def _stored(path: Path, field: str, name: Any) -> dict[str, np.ndarray]:
+    """The arrays of a file beside the scene."""
     if not isinstance(name, str) or not _PLAIN_NAME.fullmatch(name):
-        raise SceneError(f"{path}: bodies.file: {name!r} must be the plain name of an .npz file beside the scene")
+        raise SceneError(f"{path}: {field}: {name!r} must be the plain name of an .npz file beside the scene")
     try:
         with np.load(path.parent / name, allow_pickle=False) as stored:
-            arrays = {key: stored[key] for key in stored.files}
-        bodies = Bodies(**arrays)
+            return {key: stored[key] for key in stored.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise SceneError(f"{path}: {field}: cannot read {name}: {error}") from None
+
+
+def _load_bodies(path: Path, reference: dict[str, Any]) -> Bodies:
+    name = reference["file"]
+    stored = _stored(path, "bodies.file", name)
+    try:
+        # arrays of other parts of the scene have a dot in their names
+        bodies = Bodies(**{key: array for key, array in stored.items() if "." not in key})
     except ValidationError as error:
         raise SceneError(explain(error, str(path.parent / name))) from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise SceneError(f"{path}: bodies.file: cannot read {name}: {error}") from None
     if reference.get("sha256") not in (None, bodies.digest()):
         raise SceneError(f"{path}: bodies.sha256: {name} is not the file that this scene was saved with")
     return bodies

@@ -10,12 +10,13 @@ from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, TypeAdapter, model_validator
 
 from dembench.scene.base import Model, Name, Positive, Vector
 from dembench.scene.bodies import Bodies
 from dembench.scene.materials import HertzMindlin, Law, Material, PairLaw
 from dembench.scene.observables import Observable, Region, Snapshot, Trajectory, WallForce
+from dembench.scene.shapes import Shape
 from dembench.scene.walls import WallShape
 
 
@@ -25,12 +26,40 @@ class Species(Model):
     Attributes:
         name: Identifier.
         material: Name of a material of the scene.
-        radius: Radius of the sphere [m].
+        radius: Radius of the sphere [m]; with a shape the radius about its centre of mass that holds it, found where
+            it is left out.
+        shape: Shape of particles that are no spheres.
     """
 
     name: Name
     material: Name
     radius: Positive
+    shape: Shape | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bounded(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("shape") is not None and "radius" not in data:
+            shape = TypeAdapter(Shape).validate_python(data["shape"])
+            return {**data, "shape": shape, "radius": shape.bounding_radius}
+        return data
+
+    @model_validator(mode="after")
+    def _same_bound(self) -> Species:
+        if self.shape is not None and abs(self.radius / self.shape.bounding_radius - 1) > 1e-6:
+            raise ValueError(
+                f"radius {self.radius:g} m is not the bounding radius of the shape, {self.shape.bounding_radius:g} m; "
+                "leave it out"
+            )
+        return self
+
+    def volume(self) -> float:
+        """Volume of a particle [m^3]."""
+        return self.shape.solid.volume if self.shape else 4 / 3 * math.pi * self.radius**3
+
+    def moments(self) -> np.ndarray:
+        """Principal moments of inertia of a particle of density 1 [m^5], shape (3,)."""
+        return self.shape.solid.moments if self.shape else np.full(3, 8 / 15 * math.pi * self.radius**5)
 
 
 class Constraint(Model):
@@ -148,6 +177,8 @@ class Scene(Model):
             raise ValueError(
                 f"bodies.species: particle {bad} has species {species[bad]}; accepted are 0 to {len(self.species) - 1}"
             )
+        if self.bodies.radius is not None and any(s.shape for s in self.species):
+            raise ValueError("bodies.radius: species with a shape have one size; leave the radii out")
         for k, constraint in enumerate(self.constraints):
             for body in constraint.bodies:
                 _index(f"constraints[{k}].bodies", body, n)
@@ -180,7 +211,15 @@ class Scene(Model):
 
     def masses(self) -> np.ndarray:
         """Mass of every body [kg], shape (n,)."""
-        return self.densities() * (4 / 3) * math.pi * self.radii() ** 3
+        if self.bodies.radius is None:
+            return self.densities() * np.array([s.volume() for s in self.species])[self.bodies.species]
+        return self.densities() * (4 / 3) * math.pi * self.bodies.radius**3
+
+    def moments(self) -> np.ndarray:
+        """Principal moments of inertia of every body about its centre [kg m^2], shape (n, 3)."""
+        if self.bodies.radius is None:
+            return self.densities()[:, None] * np.array([s.moments() for s in self.species])[self.bodies.species]
+        return np.tile((0.4 * self.masses() * self.bodies.radius**2)[:, None], 3)
 
     # ---- time
 
@@ -207,6 +246,8 @@ class Scene(Model):
         for k, s in enumerate(self.species):
             own = self.radii()[self.bodies.species == k]
             radius = float(own.min()) if len(own) else s.radius
+            if s.shape is not None:
+                radius = s.shape.contact_radius
             m = self.material(s.material)
             shear = m.young / (2 * (1 + m.poisson))
             found.append(math.pi * radius * math.sqrt(m.density / shear) / (0.1631 * m.poisson + 0.8766))

@@ -114,7 +114,12 @@ def unsupported(scene: Scene) -> list[str]:
 def unsupported_features(scene: Scene) -> list[str]:
     """Features that neither solver has, one line each."""
     has = features(scene)
-    names = {"rolling_friction": "rolling friction", "sinks": "sinks", "periodic": "periodic domains"}
+    names = {
+        "rolling_friction": "rolling friction",
+        "sinks": "sinks",
+        "periodic": "periodic domains",
+        "shapes": "shapes",
+    }
     return [text for name, text in names.items() if getattr(has, name)]
 
 
