@@ -18,6 +18,7 @@ from dembench.engines import registry
 from dembench.engines.base import Probe, SettingsError
 from dembench.engines.registry import UnknownEngine
 from dembench.initial.cache import cache_directory
+from dembench.results import ResultError, export_csv, export_vtkhdf, read
 from dembench.results import validate as validate_file
 from dembench.runs.directory import find_runs
 from dembench.runs.environment import machine
@@ -205,6 +206,22 @@ def validate(files: Annotated[list[Path], typer.Argument(help="result files")], 
             for fault in found or ["valid"]:
                 console.line(f"{file}: {fault}")
     raise typer.Exit(1 if any(faults.values()) else 0)
+
+
+@app.command()
+def export(
+    file: Annotated[Path, typer.Argument(help="a result file")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="directory of the tables")] = Path("export"),
+    vtkhdf: Annotated[bool, typer.Option("--vtkhdf", help="the snapshots, too, for ParaView")] = False,
+) -> None:
+    """Writes every observable of a result as a CSV table."""
+    try:
+        result = read(file)
+    except ResultError as error:
+        console.error(str(error))
+        raise typer.Exit(2) from None
+    for path in export_csv(result, out) + (export_vtkhdf(result, out) if vtkhdf else []):
+        console.line(str(path))
 
 
 @app.command()

@@ -205,6 +205,16 @@ def test_write_makes_a_deck_and_says_how_to_run_it(command, scene_file):
     assert phases[0]["name"] == "simulate"
 
 
+def test_export_writes_a_table_per_observable_and_the_snapshots(command, scene_file, tmp_path):
+    _run(command, scene_file, "--engines", "standin")
+    (record,) = find_runs(Path("runs"))
+    done = command("export", record.directory / "result.h5", "-o", tmp_path / "tables", "--vtkhdf")
+    assert done.exit_code == 0
+    assert {"energy.csv", "ends.vtkhdf"} <= {path.name for path in (tmp_path / "tables").iterdir()}
+    refused = command("export", scene_file)
+    assert refused.exit_code == 2 and "no readable result" in refused.stderr
+
+
 def test_validate_has_code_1_where_there_is_a_fault(command, scene_file):
     _run(command, scene_file, "--engines", "standin")
     (record,) = find_runs(Path("runs"))

@@ -1,6 +1,6 @@
 """One result file per run: observables computed by one function for all engines, one writer, reader, check, export."""
 
-from dembench.results.export import export_csv
+from dembench.results.export import export_csv, export_vtkhdf
 from dembench.results.observe import Observer, observe
 from dembench.results.read import Result, ResultError, read
 from dembench.results.schema import Observed, SnapshotSeries, channels
@@ -15,6 +15,7 @@ __all__ = [
     "SnapshotSeries",
     "channels",
     "export_csv",
+    "export_vtkhdf",
     "observe",
     "read",
     "validate",

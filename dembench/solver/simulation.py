@@ -13,6 +13,7 @@ import numpy as np
 from dembench.scene import Rigid, Scene, scene_from_arrays
 from dembench.scene.overlap import largest_overlap
 from dembench.solver import soft
+from dembench.solver.export import write_csv, write_vtkhdf
 from dembench.solver.full import FullSpheres, check_device
 from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError, check_step
@@ -148,6 +149,11 @@ class Simulation:
         return np.arange(self.state.total)
 
     @property
+    def species(self) -> np.ndarray:
+        """Indices into the scene's species, shape (n,)."""
+        return self.scene.bodies.species[self.ids]
+
+    @property
     def radii(self) -> np.ndarray:
         """Radii [m], shape (n,)."""
         return self.scene.radii()[self.ids]
@@ -226,6 +232,18 @@ class Simulation:
         made = cls(scene, **settings)
         restore(made, arrays, Path(path))
         return made
+
+    def export_csv(self, path: str | Path) -> None:
+        """Writes the present state as a table with a row per body."""
+        write_csv(Path(path), self)
+
+    def export_vtkhdf(self, path: str | Path) -> None:
+        """Appends the present state to a VTKHDF file for ParaView; a file that is not there is made.
+
+        Raises:
+            ValueError: The file has this time or a later one.
+        """
+        write_vtkhdf(Path(path), self)
 
     # ---- changes of the state
 

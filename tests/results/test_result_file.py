@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from conftest import falling_frames, falling_tracks
 
-from dembench.results import Observer, Result, ResultError, export_csv, read, validate, write
+from dembench.results import Observer, Result, ResultError, export_csv, export_vtkhdf, read, validate, write
 
 
 def make(scene, dt=1e-5, state="ok", frames=None, engine="stub"):
@@ -72,6 +72,16 @@ def test_csv_export_has_units(written, tmp_path):
     table = pd.read_csv(next(p for p in paths if p.name == "energy.csv"))
     assert "rotational [J]" in table and "time [s]" in table
     assert table["time [s]"].iloc[0] == 0
+
+
+def test_vtkhdf_export_leaves_absent_bodies_out(written, tmp_path):
+    result = read(written)
+    result.snapshots["ends"].position[1, 2] = np.nan
+    (path,) = export_vtkhdf(result, tmp_path)
+    with h5py.File(path) as file:
+        assert list(file["VTKHDF/NumberOfPoints"]) == [4, 3]
+        assert list(file["VTKHDF/PointData/id"][4:]) == [0, 1, 3]
+        assert list(file["VTKHDF/Steps/Values"]) == list(result.snapshots["ends"].time)
 
 
 def test_the_file_is_h5md(written):

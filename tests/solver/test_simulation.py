@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
+import pandas as pd
 import pytest
 
 from dembench.scene import HertzMindlin
@@ -123,3 +126,17 @@ def test_progress_is_told() -> None:
     told: list[int] = []
     drops("soft-sphere").step(50, told.append)
     assert told[-1] == 50 and told == sorted(told)
+
+
+def test_the_state_as_table_and_for_paraview(tmp_path: Path) -> None:
+    simulation = drops("soft-sphere")
+    for _ in range(2):
+        simulation.export_vtkhdf(tmp_path / "drops.vtkhdf")
+        simulation.step(10)
+    simulation.export_csv(tmp_path / "drops.csv")
+    table = pd.read_csv(tmp_path / "drops.csv")
+    assert list(table["id"]) == [0, 1] and list(table["radius [m]"]) == [0.1, 0.1]
+    assert np.array_equal(table[["position_x [m]", "position_y [m]", "position_z [m]"]], simulation.position)
+    with h5py.File(tmp_path / "drops.vtkhdf") as file:
+        assert np.array_equal(file["VTKHDF/Steps/Values"], [0, 10 * simulation.dt])
+        assert set(file["VTKHDF/PointData"]) == {"id", "species", "radius", "velocity", "angular_velocity"}
