@@ -20,7 +20,7 @@ from dembench.runs.environment import available_cores
 from dembench.runs.plan import EngineChoice, PlannedRun, RequestError, SceneChoice, parse_engines, plan
 from dembench.runs.scheduler import Job, Scheduler
 from dembench.runs.states import Verdict
-from dembench.runs.supervise import CHECKPOINT, command_line
+from dembench.runs.supervise import CHECKPOINT, Judge, command_line
 from dembench.scene import Scene, load_scene
 from dembench.scene.checks import check_scene
 from dembench.scoring.score import score, verdict
@@ -149,6 +149,7 @@ def carry_out(
     at_once: int = 1,
     fresh: bool = False,
     checkpoint: float = CHECKPOINT,
+    judge: Judge = judge,
     show: Callable[[list[Job]], None],
 ) -> list[Job]:
     """Carries out the runs that are not finished yet; SIGINT and SIGTERM end them in good order.
@@ -158,6 +159,7 @@ def carry_out(
         at_once: Largest number of runs at a time.
         fresh: Whether finished runs are run again.
         checkpoint: Time between checkpoints of a result [s].
+        judge: Gives a finished run its verdict.
         show: Called a few times per second with all jobs.
     """
     jobs = [Job(run, run.action(fresh)) for run in runs]

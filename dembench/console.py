@@ -19,6 +19,7 @@ from rich.text import Text
 from dembench.initial.progress import Progress, silent
 from dembench.runs.plan import PlannedRun
 from dembench.runs.scheduler import Job
+from dembench.verification.checks import Row
 
 COLOURS = {
     "running": "cyan",
@@ -93,6 +94,36 @@ def plan_rows(runs: Sequence[PlannedRun], fresh: bool) -> list[dict[str, Any]]:
         }
         for run in runs
     ]
+
+
+def check_rows(rows: Sequence[Row]) -> None:
+    """Prints the rows of a suite, each with the published number beside it."""
+    columns = ("id", "check", "engine", "measured", "expected", "within", "status", "page", "it expects", "inside it")
+    shown = []
+    for row in rows:
+        check, page = row.check, row.check.published
+        shown.append(
+            (
+                check.id,
+                check.title,
+                row.engine,
+                "-" if row.measured is None else f"{row.measured:.6g} {_unit(check.unit)}".strip(),
+                f"{check.expected:.6g}",
+                f"{check.tolerance:.2g}",
+                row.status if not row.detail else f"{row.status}: {row.detail}",
+                "-" if page is None else f"{page.value:.5g}",
+                "-" if page is None else f"{page.expected:.4g} ± {page.tolerance:g}",
+                {True: "yes", False: "no", None: "-"}[row.inside_published],
+            )
+        )
+    table(columns, shown)
+    for note in dict.fromkeys(row.check.published.note for row in rows if row.check.published):
+        if note:
+            line(note)
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
 
 
 @contextmanager

@@ -198,8 +198,9 @@ def settings(groups: Sequence[Group], titles: Sequence[str]) -> list[Table]:
         rows = []
         for member in group.members:
             spec = member.shown.spec
+            default = f"default of the {spec.division} division"
             for key, value in spec.settings.items():
-                by = "as typed" if key in spec.overrides else f"default of the {spec.division} division"
+                by = "as typed" if key in spec.overrides else "the problem" if key in spec.given else default
                 number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
                 text = significant(number) if number is not None else json.dumps(value) if value is not None else "none"
                 rows.append((run_cell(member), Cell(key), Cell(text.strip('"'), number), Cell(by)))

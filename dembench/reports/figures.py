@@ -1,4 +1,4 @@
-"""Figures over time: one matplotlib drawing gives the page's SVG, the phone's SVG and the paper's PDF."""
+"""Figures: one matplotlib drawing gives the page's SVG, the phone's SVG and the paper's PDF."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -74,6 +75,7 @@ class Line:
         colour: `#rrggbb`.
         style: Which dash pattern, and beyond them which marker; 0 is a plain solid line.
         cut_short: Whether the run ended before its time; its last point is marked.
+        points: Whether it is drawn as points, without a line between them.
     """
 
     label: str
@@ -82,6 +84,7 @@ class Line:
     colour: str
     style: int = 0
     cut_short: bool = False
+    points: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,11 +100,18 @@ class Known:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes; `label` includes the unit."""
+    """One pair of axes.
+
+    Attributes:
+        label: Label of the vertical axis with its unit.
+        lines, known: What is drawn.
+        log_y: Whether the vertical axis is logarithmic; None leaves it to the range of the values.
+    """
 
     label: str
     lines: tuple[Line, ...]
     known: tuple[Known, ...] = ()
+    log_y: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -114,6 +124,7 @@ class Plot:
         x_label: Label of the shared horizontal axis with its unit.
         panels: From top to bottom.
         command: What reproduces it.
+        log_x: Whether the horizontal axis is logarithmic.
     """
 
     name: str
@@ -122,6 +133,7 @@ class Plot:
     x_label: str
     panels: tuple[Panel, ...]
     command: str
+    log_x: bool = False
 
 
 @dataclass(frozen=True)
@@ -171,7 +183,7 @@ def _drawn(plot: Plot, width: float) -> tuple[Figure, list[dict[str, float]]]:
     FigureCanvasAgg(figure)
     axes = np.atleast_1d(figure.subplots(count, 1, sharex=True))
     for panel, ax in zip(plot.panels, axes, strict=True):
-        _fill(ax, panel, width)
+        _fill(ax, panel, width, plot.log_x)
     axes[-1].set_xlabel(plot.x_label)
     figure.legend(handles=labels, loc="outside upper left", ncols=columns, handlelength=3.2, columnspacing=1.4)
     figure.align_ylabels(list(axes))
@@ -192,35 +204,44 @@ def _pdf(figure: Figure, title: str) -> str:
     return base64.b64encode(content.getvalue()).decode()
 
 
-def _fill(ax: Axes, panel: Panel, width: float) -> None:
+def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
     ax.set_facecolor("none")
     ax.set_axisbelow(True)
-    logarithmic = _spans_decades(panel)
+    logarithmic = _spans_decades(panel) if panel.log_y is None else panel.log_y
     for known in panel.known:
         _draw_known(ax, known)
     widest = min(WIDEST, THINNEST + 0.7 * (len(panel.lines) - 1))
     widths = np.linspace(widest, THINNEST, len(panel.lines)) if len(panel.lines) > 1 else [1.6]
     for line, linewidth in zip(panel.lines, widths, strict=True):
         y = np.where(line.y > 0, line.y, np.nan) if logarithmic else line.y
-        ax.plot(line.x, y, color=line.colour, linewidth=linewidth, **_pattern(line.style, len(line.x)))
+        ax.plot(line.x, y, color=line.colour, linewidth=linewidth, **_pattern(line, len(line.x)))
         shown = np.flatnonzero(np.isfinite(y))
         if line.cut_short and len(shown):
             ax.plot(line.x[shown[-1]], y[shown[-1]], marker="x", color=line.colour, markersize=7, markeredgewidth=1.8)
     if logarithmic:
         ax.set_yscale("log")
-        ax.yaxis.set_major_locator(LogLocator(numticks=6))
-        ax.yaxis.set_major_formatter(FuncFormatter(_power))
-        ax.yaxis.set_minor_formatter(NullFormatter())
+        _format_logarithmic(ax.yaxis)
         ax.grid(visible=False, which="minor")
     else:
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND_STEPS))
-    ax.xaxis.set_major_locator(MaxNLocator(nbins=10 if width == WIDE else 6, steps=_ROUND_STEPS))
     ends = [value for line in panel.lines for value in (np.min(line.x), np.max(line.x))]
     ends += [value for known in panel.known for value in (np.min(known.x), np.max(known.x))]
-    if ends and max(ends) > min(ends):
-        margin = 0.01 * (max(ends) - min(ends))
-        ax.set_xlim(min(ends) - margin, max(ends) + margin)
+    if log_x:
+        ax.set_xscale("log")
+        _format_logarithmic(ax.xaxis)
+        ax.set_xlim(0.8 * min(ends), 1.25 * max(ends))
+    else:
+        ax.xaxis.set_major_locator(MaxNLocator(nbins=10 if width == WIDE else 6, steps=_ROUND_STEPS))
+        if ends and max(ends) > min(ends):
+            margin = 0.01 * (max(ends) - min(ends))
+            ax.set_xlim(min(ends) - margin, max(ends) + margin)
     ax.set_ylabel(panel.label)
+
+
+def _format_logarithmic(axis: Axis) -> None:
+    axis.set_major_locator(LogLocator(numticks=6))
+    axis.set_major_formatter(FuncFormatter(_power))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _power(value: float, _: int | None = None) -> str:
@@ -258,9 +279,7 @@ def _legend_entries(plot: Plot) -> list[Line2D]:
     cut_short = False
     for panel in plot.panels:
         for line in panel.lines:
-            entries.setdefault(
-                line.label, Line2D([], [], color=line.colour, label=line.label, **_pattern(line.style, 0))
-            )
+            entries.setdefault(line.label, Line2D([], [], color=line.colour, label=line.label, **_pattern(line, 0)))
             cut_short |= line.cut_short
         for known in panel.known:
             few: dict[str, Any] = {"marker": "D", "linestyle": "", "markerfacecolor": SURFACE, "markersize": 5}
@@ -273,7 +292,11 @@ def _legend_entries(plot: Plot) -> list[Line2D]:
     return list(entries.values())
 
 
-def _pattern(style: int, points: int) -> dict[str, Any]:
+def _pattern(line: Line, points: int) -> dict[str, Any]:
+    style = line.style
+    if line.points:
+        marks = MARKERS[1:]
+        return {"linestyle": "", "marker": marks[style % len(marks)], "markersize": 5}
     marker = MARKERS[(style // len(DASHES)) % len(MARKERS)]
     every = max(1, points // 12)
     return {
@@ -311,6 +334,7 @@ def _place(ax: Axes) -> dict[str, float]:
         "y0": y0,
         "y1": y1,
         "log": ax.get_yscale() == "log",
+        "log_x": ax.get_xscale() == "log",
     }
 
 

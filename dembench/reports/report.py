@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import os
 import shlex
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
-from dembench import __version__
 from dembench.reports import comparisons, facts
 from dembench.reports.curves import plots
 from dembench.reports.entries import Group, gather
 from dembench.reports.figures import Drawing, draw
-from dembench.reports.svg import palette
+from dembench.reports.pages import write_page
 from dembench.reports.tables import Table
 from dembench.reports.timings import timings
 from dembench.runs.directory import RunRecord
@@ -56,35 +50,19 @@ def render(runs: Sequence[RunRecord], output: Path, title: str = "Granular bench
     sections = [_section(group) for group in groups]
     titles = [section.short_title for section in sections]
     tables = [facts.engines(groups), *facts.settings(groups, titles), facts.load(groups), facts.counters(groups)]
-    colours = {entry.look.colour for group in groups for entry in group.entries}
-    colours |= {colour for section in sections for drawing in section.drawings for colour in drawing.colours}
-    environment = Environment(
-        loader=PackageLoader("dembench.reports"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
-    script = _template(environment, "page.js")
-    page = environment.get_template("page.html.j2").render(
+    return write_page(
+        "page.html.j2",
+        output,
+        {entry.look.colour for group in groups for entry in group.entries},
+        [drawing for section in sections for drawing in section.drawings],
         title=title,
         summary=_summary(groups),
-        version=__version__,
         scenes=sections,
         all_runs=facts.all_runs(groups),
         engine_tables=[table for table in tables if table is not None and table.rows],
         environments=facts.environments(groups),
         failures=facts.failures(groups),
-        palette=palette(colours),
-        style=_template(environment, "page.css"),
-        script=script,
-        script_hash="sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
     )
-    temporary = output.with_name(f".{output.name}.{os.getpid()}.tmp")
-    temporary.write_text(page, encoding="utf-8")
-    os.replace(temporary, output)
-    return output
-
-
-def _template(environment: Environment, name: str) -> str:
-    assert environment.loader is not None
-    return environment.loader.get_source(environment, name)[0]
 
 
 def _section(group: Group) -> SceneSection:

@@ -26,10 +26,17 @@ class RequestError(ValueError):
 
 @dataclass(frozen=True)
 class EngineChoice:
-    """An engine with the settings that were typed."""
+    """An engine with settings that replace its defaults.
+
+    Attributes:
+        engine: Its name.
+        overrides: Settings as typed.
+        given: Settings that come with the problem; what was typed replaces them.
+    """
 
     engine: str
     overrides: dict[str, str] = field(default_factory=dict)
+    given: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -176,7 +183,7 @@ def _planned(
     timeout: float | None,
 ) -> PlannedRun:
     engine, scene = registry.engine(choice.engine), chosen.scene
-    settings = engine.settings(scene, division, choice.overrides)
+    settings = engine.settings(scene, division, {**choice.given, **choice.overrides})
     cores, there = settings.cores(), len(available_cores())
     if cores > there:
         raise RequestError(
@@ -188,6 +195,7 @@ def _planned(
         engine=choice.engine,
         engine_version=probe.version,
         overrides=choice.overrides,
+        given=choice.given,
         settings=settings.model_dump(mode="json"),
         division=division,
         seed=chosen.seed,

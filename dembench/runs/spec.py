@@ -32,6 +32,7 @@ class RunSpec(Model):
         engine: Name of the engine.
         engine_version: Its version.
         overrides: Settings as typed.
+        given: Settings that came with the problem; what was typed replaces them.
         settings: All settings, resolved.
         division: `closed` or `open`.
         seed: Seed of the initial state.
@@ -52,6 +53,7 @@ class RunSpec(Model):
     engine: str
     engine_version: str = ""
     overrides: dict[str, str] = Field(default_factory=dict)
+    given: dict[str, str] = Field(default_factory=dict)
     settings: dict[str, Any] = Field(default_factory=dict)
     division: str = "closed"
     seed: int = 0

@@ -110,6 +110,7 @@
     });
     return best;
   };
+  const scale = (axes) => (axes.log_x ? Math.log : (v) => v);
   const shown = (v) => {
     const extreme = Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3);
     return (extreme ? v.toExponential(3) : String(Number(v.toPrecision(5)))).replaceAll("-", "\u2212");
@@ -134,7 +135,8 @@
       const axes = data.axes[kind];
       each(".crosshair", (line) => line.remove(), drawing);
       const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
-      const place = axes[0].left + ((axes[0].right - axes[0].left) * (grid[at] - axes[0].x0)) / (axes[0].x1 - axes[0].x0);
+      const [x0, x1, here] = [axes[0].x0, axes[0].x1, grid[at]].map(scale(axes[0]));
+      const place = axes[0].left + ((axes[0].right - axes[0].left) * (here - x0)) / (x1 - x0);
       const ends = { x1: place * width, x2: place * width, y1: axes[0].top * height, y2: axes[axes.length - 1].bottom * height };
       for (const [key, v] of Object.entries(ends)) line.setAttribute(key, v);
       line.setAttribute("class", "crosshair");
@@ -162,7 +164,10 @@
       const box = drawing.querySelector(`.${kind} svg`).getBoundingClientRect();
       const a = data.axes[kind][0];
       const share = ((event.clientX - box.left) / box.width - a.left) / (a.right - a.left);
-      if (share >= -0.02 && share <= 1.02) show(a.x0 + share * (a.x1 - a.x0));
+      if (share < -0.02 || share > 1.02) return;
+      const [x0, x1] = [a.x0, a.x1].map(scale(a));
+      const x = x0 + share * (x1 - x0);
+      show(a.log_x ? Math.exp(x) : x);
     });
     drawing.addEventListener("pointerleave", hide);
     drawing.addEventListener("blur", hide);

@@ -1,0 +1,34 @@
+"""The suites: those of this package and those that other packages announce by the entry point `dembench.suites`."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from dembench import plugins
+from dembench.verification.checks import Suite
+
+BUILT_IN = {"sanity": "dembench.verification.sanity:suite"}
+GROUP = "dembench.suites"
+
+
+class UnknownSuite(ValueError):
+    """A name that no suite has."""
+
+
+def names() -> list[str]:
+    """Names of all suites, the built-in ones first."""
+    return plugins.names(BUILT_IN, GROUP)
+
+
+@cache
+def suite(name: str) -> Suite:
+    """The suite of that name.
+
+    Raises:
+        UnknownSuite: No suite has that name; the nearest known one is named.
+    """
+    if name not in names():
+        hint = plugins.nearest(name, names())
+        raise UnknownSuite(f"no suite is called '{name}'.{hint} Known are {', '.join(names())}.")
+    found: Suite = plugins.load(name, BUILT_IN, GROUP)
+    return found
