@@ -17,7 +17,7 @@ class Features(Model):
         friction: Some pair that can touch has sliding friction.
         tangential_history: Friction, and a law that keeps a shear spring.
         rolling_friction: Some pair has rolling friction.
-        rotation: Spins matter: there is friction or a shape, or a body starts with a spin.
+        rotation: Spins matter: there is friction, rolling friction or a shape, or a body starts with a spin.
         shapes: Some body is no sphere.
         polydisperse: Bodies have different radii.
         pair_table: More than one pair law is in use between particles.
@@ -54,13 +54,14 @@ def features(scene: Scene) -> Features:
     touching = particle_materials | {w.material for w in scene.walls}
     laws = [p for p in scene.pair_laws if {p.a, p.b} <= touching and {p.a, p.b} & particle_materials]
     friction = any(p.friction > 0 for p in laws)
+    rolling = any(p.rolling_friction > 0 for p in laws)
     shapes = any(s.shape is not None and (scene.bodies.species == k).any() for k, s in enumerate(scene.species))
     radii = scene.radii()
     return Features(
         friction=friction,
         tangential_history=friction and not isinstance(scene.law, Rigid) and _has_shear_spring(scene),
-        rolling_friction=any(p.rolling_friction > 0 for p in laws),
-        rotation=friction or shapes or bool(np.any(scene.bodies.angular_velocity != 0)),
+        rolling_friction=rolling,
+        rotation=friction or rolling or shapes or bool(np.any(scene.bodies.angular_velocity != 0)),
         shapes=shapes,
         polydisperse=bool(len(radii)) and bool(np.ptp(radii) > 0),
         pair_table=len(particle_materials) > 1,

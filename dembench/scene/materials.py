@@ -12,21 +12,31 @@ from dembench.scene.base import Model, Name, NotNegative, Positive
 class HertzMindlin(Model):
     """Viscoelastic Hertz normal force, Mindlin no-slip shear spring with history, Coulomb limit.
 
-    The variants differ in the treatment of the shear history and in the lever arm of the shear force:
+    The variants differ in the treatment of the shear history, in the lever arm of the shear force and in tension:
 
-    `reference`: history projected on the tangent plane, its length not restored; lever = radius - overlap/2.
-    `rescaled`: history projected and rescaled to its old length; lever = full radius.
+    `reference` (LIGGGHTS): history projected on the tangent plane, its length not restored; lever = radius - overlap/2.
+    `rescaled` (MUSEN): history projected and rescaled to its old length; lever = full radius.
+    `no-tension` (Thornton, Yade): as `reference`, but the total normal force is never below 0. Its dashpot stays that
+    of the others, so that bodies part before the overlap ends and rebound faster than the pair law's restitution says
+    (Schwager & Poeschel 2007, doi 10.1007/s10035-007-0065-z): 0.550 for 0.5.
 
-    Both: Coulomb bound on the total normal force (spring and dashpot), shear dashpot only while sticking, tension
-    at the end of a contact not clipped. Source: Dosta et al. 2024, doi 10.1016/j.cpc.2023.109066.
+    All: Coulomb bound on the total normal force (spring and dashpot), shear dashpot only while sticking; the first two
+    do not clip the tension at the end of a contact. Source: Dosta et al. 2024, doi 10.1016/j.cpc.2023.109066.
     """
 
     kind: Literal["hertz-mindlin"] = "hertz-mindlin"
-    variant: Literal["reference", "rescaled"] = "reference"
+    variant: Literal["reference", "rescaled", "no-tension"] = "reference"
 
 
 class LinearSpring(Model):
-    """Linear spring-dashpot of Cundall & Strack 1979 with constant normal and shear stiffness [N/m]."""
+    """Linear spring-dashpot of Cundall & Strack 1979, doi 10.1680/geot.1979.29.1.47, the same for all pairs.
+
+    History, Coulomb bound, lever and tension are those of the reference variant of `HertzMindlin`. The dashpots give
+    the restitution of the pair law; without shear stiffness there is no friction.
+
+    Attributes:
+        normal_stiffness, tangential_stiffness: Force per overlap and per tangential displacement [N/m].
+    """
 
     kind: Literal["linear"] = "linear"
     normal_stiffness: Positive
@@ -66,7 +76,8 @@ class PairLaw(Model):
         restitution: Normal coefficient of restitution [-], 0 to 1.
         friction: Coulomb sliding friction coefficient [-].
         tangential_restitution: Tangential restitution of an impulse law [-]; None means 0.
-        rolling_friction: Coefficient of rolling friction [-].
+        rolling_friction: Coefficient of rolling friction [-]: the largest moment against the rolling of the two is this
+            times the normal force times the reduced radius (of a body on a wall: its radius).
     """
 
     a: Name

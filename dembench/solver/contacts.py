@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.laws import LawOptions, contact_force
+from dembench.solver.laws import LawOptions, contact_force, rolling_torque
 from dembench.solver.pairs import ONE, pair_lookup
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
@@ -40,10 +40,24 @@ class StepOptions:
 
 
 @cache
-def lever_function(o: StepOptions) -> Any:
-    """Lever arm of the tangential force as a Warp function (kin, overlap) -> length."""
-    real = types(o.law.precision).real
-    rescaled = o.law.rescaled
+def force_functions(o: StepOptions) -> Any:
+    """Warp functions (pair, wall, spin): one contact of two bodies, one of a body and a wall feature, and a spin.
+
+    What a contact does to a body is a row of `load`.
+    """
+    t = types(o.law.precision)
+    real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
+    Bodies, PairClass = t.Bodies, t.PairClass
+    force, rolling_of = contact_force(o.law), rolling_torque(o.law.precision)
+    _of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
+    of_feature = wall_functions(o.walls)
+    distance_of, velocity_of, turning_of = of_feature.distance, of_feature.velocity, of_feature.spin
+    friction, rolling, rescaled = o.law.friction, o.law.rolling, o.law.rescaled
+
+    @wp.func
+    def spin(b: Bodies, i: int):
+        w = b.spin[i]
+        return vec3(w[0], w[1], w[2])
 
     @wp.func
     def lever(k: vec8d, overlap: real):
@@ -52,48 +66,29 @@ def lever_function(o: StepOptions) -> Any:
             arm = arm - real(0.5) * overlap
         return arm
 
-    return lever
-
-
-@cache
-def load_function(o: StepOptions) -> Any:
-    """Force and torque of one contact as a row of `load`: a Warp function (force, n x tangential force, lever arm)."""
-    t = types(o.law.precision)
-    real, vec3, vec8 = t.real, t.vec3, t.vec8
-    friction = o.law.friction
-
     @wp.func
-    def load_of(f: vec3, torque: vec3, arm: real):
+    def load_of(f: vec3, torque: vec3):
         z = real(0.0)
         row = vec8(f[0], f[1], f[2], z, z, z, z, z)
         if wp.static(friction):
-            row = vec8(f[0], f[1], f[2], z, -arm * torque[0], -arm * torque[1], -arm * torque[2], z)
+            row = vec8(f[0], f[1], f[2], z, torque[0], torque[1], torque[2], z)
         return row
 
-    return load_of
-
-
-@cache
-def force_functions(o: StepOptions) -> Any:
-    """Warp functions (pair, wall, spin): one contact of two bodies, one of a body and a wall feature, and a spin."""
-    t = types(o.law.precision)
-    real, vec3, vec4, Bodies, PairClass = t.real, t.vec3, t.vec4, t.Bodies, t.PairClass
-    force = contact_force(o.law)
-    _of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
-    of_feature = wall_functions(o.walls)
-    distance_of, velocity_of = of_feature.distance, of_feature.velocity
-    lever = lever_function(o)
-    friction = o.law.friction
-
     @wp.func
-    def spin(b: Bodies, i: int):
-        w = b.spin[i]
-        return vec3(w[0], w[1], w[2])
-
-    @wp.func
-    def pair(ki: vec8d, kj: vec8d, wi: vec3, wj: vec3, memory: vec4, c: PairClass, dt: real):
-        """Force of body i against body j: f on i, ft (as n x ft), the new memory and the overlap (0 if apart)."""
-        f, torque, after, overlap = vec3(), vec3(), vec4(), real(0.0)
+    def pair(
+        b: Bodies,
+        i: int,
+        j: int,
+        ki: vec8d,
+        kj: vec8d,
+        wi: vec3,
+        wj: vec3,
+        memory: vec4,
+        c: PairClass,
+        dt: real,
+    ):
+        """Contact of bodies i and j: loads of both, the new memory and the overlap (0 if apart)."""
+        on_i, on_j, after, overlap = vec8(), vec8(), vec4(), real(0.0)
         d = ki - kj
         reach = ki[6] + kj[6]
         inside = reach * reach - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
@@ -105,13 +100,23 @@ def force_functions(o: StepOptions) -> Any:
             n = vec3(real(1.0), real(0.0), real(0.0))
             if r > real(0.0):
                 n = e * (real(1.0) / r)
-            s = vec3()
+            s, ti, tj = vec3(), vec3(), vec3()
+            ai, aj = lever(ki, overlap), lever(kj, overlap)
             if wp.static(friction):
-                s = lever(ki, overlap) * wi + lever(kj, overlap) * wj
+                s = ai * wi + aj * wj
             f, ft, after = force(n, overlap, vec3(real(d[3]), real(d[4]), real(d[5])), s, memory, c, dt)
             if wp.static(friction):
-                torque = wp.cross(n, ft)
-        return f, torque, after, overlap
+                turn = wp.cross(n, ft)
+                ti = -ai * turn
+                tj = -aj * turn
+            if wp.static(rolling):
+                gi, gj = b.inv_i[i], b.inv_i[j]
+                roll = rolling_of(n, f, wi - wj, gi * ti - gj * tj, gi + gj, c, dt)
+                ti = ti + roll
+                tj = tj - roll
+            on_i = load_of(f, ti)
+            on_j = load_of(-f, tj)
+        return on_i, on_j, after, overlap
 
     @wp.func
     def wall(
@@ -125,8 +130,11 @@ def force_functions(o: StepOptions) -> Any:
         columns: int,
         dt: real,
     ):
-        """The same for body i against a wall feature; the poses of the thread begin at `first`."""
-        f, ft, after, overlap = vec3(), vec3(), vec4(), real(0.0)
+        """Contact of body i and a wall feature: load of the body, the new memory and the overlap (0 if apart).
+
+        The poses of the thread begin at `first`.
+        """
+        load, after, overlap = vec8(), vec4(), real(0.0)
         k = b.kin[i]
         x = wp.vec3d(k[0], k[1], k[2])
         distance, normal = distance_of(walls, feature, first, x)
@@ -135,13 +143,19 @@ def force_functions(o: StepOptions) -> Any:
             overlap = real(-gap)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
             dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(walls, feature, first, x)
-            s = vec3()
+            s, torque = vec3(), vec3()
+            arm = lever(k, overlap)
             if wp.static(friction):
-                s = lever(k, overlap) * spin(b, i)
+                s = arm * spin(b, i)
             c = of_wall(b, i, walls.features[feature].kind, table, columns)
             f, ft, after = force(n, overlap, vec3(real(dv[0]), real(dv[1]), real(dv[2])), s, memory, c, dt)
             if wp.static(friction):
-                ft = wp.cross(n, ft)
-        return f, ft, after, overlap
+                torque = -arm * wp.cross(n, ft)
+            if wp.static(rolling):
+                turn = turning_of(walls, feature, first)
+                w = spin(b, i) - vec3(real(turn[0]), real(turn[1]), real(turn[2]))
+                torque = torque + rolling_of(n, f, w, b.inv_i[i] * torque, b.inv_i[i], c, dt)
+            load = load_of(f, torque)
+        return load, after, overlap
 
     return pair, wall, spin

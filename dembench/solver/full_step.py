@@ -14,7 +14,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.contacts import StepOptions, force_functions, lever_function, load_function
+from dembench.solver.contacts import StepOptions, force_functions
 from dembench.solver.full_lists import MARK, full_lists_type
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types, vec8d
@@ -37,7 +37,6 @@ def full_kernels(o: StepOptions) -> Any:
     Bodies, PairClass = t.Bodies, t.PairClass
     FullLists = full_lists_type(o.law.precision)
     pair, wall, spin = force_functions(o)
-    lever, load_of = lever_function(o), load_function(o)
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     present, rotation, friction = o.walls.present, o.rotation, o.law.friction
 
@@ -119,15 +118,19 @@ def full_kernels(o: StepOptions) -> Any:
         dt: real,
     ):
         """Load of body i against body j, the memory after, and the overlap (0 where they are apart)."""
-        a, c, sign = i, j, real(1.0)
+        a, c = i, j
         if j < i:
-            a, c, sign = j, i, real(-1.0)
+            a, c = j, i
         ka, kc = b.kin[a], b.kin[c]
         wa, wc = vec3(), vec3()
         if wp.static(friction):
             wa, wc = spin(b, a), spin(b, c)
-        f, torque, after, overlap = pair(ka, kc, wa, wc, memory, of_pair(b, a, c, table, columns), dt)
-        return load_of(sign * f, torque, lever(b.kin[i], overlap)), after, overlap
+        constants = of_pair(b, a, c, table, columns)
+        on_a, on_c, after, overlap = pair(b, a, c, ka, kc, wa, wc, memory, constants, dt)
+        load = on_a
+        if j < i:
+            load = on_c
+        return load, after, overlap
 
     @wp.func
     def apart(b: Bodies, i: int, j: int):
@@ -158,9 +161,9 @@ def full_kernels(o: StepOptions) -> Any:
             if wp.static(friction):
                 if entry >= MARK:
                     memory = lists.wall_memory[slot]
-            f, torque, after, overlap = wall(b, i, walls, k, 0, memory, table, columns, dt)
+            load, after, overlap = wall(b, i, walls, k, 0, memory, table, columns, dt)
             if overlap > z:
-                sum = sum + load_of(f, torque, lever(b.kin[i], overlap))
+                sum = sum + load
                 if wp.static(friction):
                     lists.wall_memory[slot] = after
                 lists.wall[slot] = k + MARK

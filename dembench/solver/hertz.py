@@ -10,9 +10,9 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.contacts import StepOptions, force_functions, lever_function, load_function
+from dembench.solver.contacts import StepOptions, force_functions
 from dembench.solver.neighbours import near_functions
-from dembench.solver.pairs import RADII, pair_lookup
+from dembench.solver.pairs import ONE, TABLE, pair_lookup
 from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.motion import place
@@ -39,7 +39,6 @@ def advance_kernel(o: StepOptions) -> Any:
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     pair, wall, spin = force_functions(o)
-    lever, load_of = lever_function(o), load_function(o)
     rows = row_functions(Bodies, vec8, Lists, vec4)
     kin_of, spin_of, add_load, prefetch = rows.kin, rows.spin, rows.add_load, rows.prefetch
     memory_of, set_memory, entry = rows.memory_of, rows.set_memory, rows.entry
@@ -48,7 +47,7 @@ def advance_kernel(o: StepOptions) -> Any:
     pick_near, pick_big = near.pick_near, near.pick_big
     present, timed = o.walls.present, o.walls.timed
     bigs, rotation, threads, friction = o.bigs, o.rotation, o.threads, o.law.friction
-    alike = o.alike and o.pairs != RADII
+    alike = o.alike and o.pairs in (ONE, TABLE)
 
     @wp.func
     def kick(b: Bodies, i: int, k: vec8d, times: int, half: wp.float64, gravity: wp.vec3d):
@@ -123,10 +122,10 @@ def advance_kernel(o: StepOptions) -> Any:
             if wp.static(not alike):
                 c = of_pair(b, i, j, table, columns)
             memory = memory_of(lists, k)
-            f, torque, after, overlap = pair(ki, kj, wi, wj, memory, c, dt)
+            on_i, on_j, after, overlap = pair(b, i, j, ki, kj, wi, wj, memory, c, dt)
             if overlap > real(0.0):
-                total = total + load_of(f, torque, lever(ki, overlap))
-                add_load(b, j, load_of(-f, torque, lever(kj, overlap)))
+                total = total + on_i
+                add_load(b, j, on_j)
                 set_memory(lists, k, after)
                 largest = wp.max(largest, overlap)
             elif memory[3] != real(0.0):
@@ -150,9 +149,9 @@ def advance_kernel(o: StepOptions) -> Any:
         for q in range(count):
             slot = base + q
             i, memory = lists.wall_i[slot], lists.wall_memory[slot]
-            f, torque, after, overlap = wall(b, i, walls, lists.wall_f[slot], first, memory, table, columns, dt)
+            load, after, overlap = wall(b, i, walls, lists.wall_f[slot], first, memory, table, columns, dt)
             if overlap > real(0.0):
-                b.load[i] = b.load[i] + load_of(f, torque, lever(b.kin[i], overlap))
+                b.load[i] = b.load[i] + load
                 lists.wall_memory[slot] = after
             elif memory[3] != real(0.0):
                 lists.wall_memory[slot] = vec4()
@@ -172,12 +171,12 @@ def advance_kernel(o: StepOptions) -> Any:
         for q in range(count):
             i, j = lists.big_i[q], lists.big_j[q]
             slot = (j - n) * total + i
-            ki, kj = b.kin[i], b.kin[j]
             c = of_pair(b, i, j, table, columns)
-            f, torque, after, overlap = pair(ki, kj, spin(b, i), spin(b, j), lists.big_memory[slot], c, dt)
+            wi, wj = spin(b, i), spin(b, j)
+            on_i, on_j, after, overlap = pair(b, i, j, b.kin[i], b.kin[j], wi, wj, lists.big_memory[slot], c, dt)
             if overlap > real(0.0):
-                b.load[i] = b.load[i] + load_of(f, torque, lever(ki, overlap))
-                b.load[j] = b.load[j] + load_of(-f, torque, lever(kj, overlap))
+                b.load[i] = b.load[i] + on_i
+                b.load[j] = b.load[j] + on_j
                 lists.big_memory[slot] = after
                 largest = wp.max(largest, overlap)
             elif lists.big_memory[slot][3] != real(0.0):

@@ -4,11 +4,21 @@ Hertz-Mindlin with overlap d, reduced radius R*, reduced mass m*, E* and G* of t
 
     normal      Fn = (4/3) E* sqrt(R*) d^(3/2) - 2 sqrt(5/6) b sqrt(Sn m*) vn,     Sn = 2 E* sqrt(R* d)
     tangential  Ft = -St xi - 2 sqrt(5/6) b sqrt(St m*) vt,                         St = 8 G* sqrt(R* d)
-    limit       |St xi| <= mu |Fn|; where it is exceeded Ft = mu |Fn| along the spring, xi rescaled, no dashpot
+
+Linear spring-dashpot with the scene's kn and kt:
+
+    normal      Fn = kn d - 2 b sqrt(kn m*) vn
+    tangential  Ft = -kt xi - 2 b sqrt(kt m*) vt
+
+Both:
+
+    limit       spring <= mu |Fn|; where it is exceeded Ft = mu |Fn| along the spring, xi rescaled, no dashpot
+    rolling     torque against the relative rolling, at most mu_r R* |Fn|
     b = -ln e / sqrt(ln^2 e + pi^2)
 
-Sources: Hertz; Mindlin 1949; Tsuji et al. 1992 for the dashpot; the forms compared in Dosta et al. 2024,
-doi 10.1016/j.cpc.2023.109066. vn is the separation speed, xi the tangential spring, all of body i against body j.
+Sources: Hertz; Mindlin 1949; Cundall & Strack 1979; Tsuji et al. 1992 for the dashpot; the forms compared in Dosta et
+al. 2024, doi 10.1016/j.cpc.2023.109066. vn is the separation speed, xi the tangential spring, all of body i against
+body j.
 """
 
 import math
@@ -18,9 +28,12 @@ from typing import Any
 
 import warp as wp
 
-from dembench.scene import Material, PairLaw
+from dembench.scene import LinearSpring, Material, PairLaw, Scene, features
 from dembench.solver.types import types
 from dembench.solver.units import Units
+
+ROLLING_SHARE = wp.constant(0.125)
+"""Part of the relative rolling that one contact may stop in a step: a body with eight contacts is not turned back."""
 
 
 @dataclass(frozen=True)
@@ -30,15 +43,36 @@ class LawOptions:
     Attributes:
         precision: "float32" or "float64".
         friction: Tangential force, history, torque.
+        rolling: Rolling friction; with it `friction` is set.
+        linear: Linear spring-dashpot in place of Hertz-Mindlin.
         rescaled: History rescaled to its length after projection, lever = full radius; else projected only, lever =
             radius - overlap/2.
+        no_tension: The normal force is never below 0.
         midpoint: Dashpots use the mean of the velocities before and after the step.
     """
 
     precision: str = "float32"
     friction: bool = True
+    rolling: bool = False
+    linear: bool = False
     rescaled: bool = False
+    no_tension: bool = False
     midpoint: bool = False
+
+    @classmethod
+    def of(cls, scene: Scene, precision: str, midpoint: bool) -> "LawOptions":
+        """What of the law a scene needs."""
+        has = features(scene)
+        variant = getattr(scene.law, "variant", "")
+        return cls(
+            precision=precision,
+            friction=has.friction or has.rolling_friction,
+            rolling=has.rolling_friction,
+            linear=isinstance(scene.law, LinearSpring),
+            rescaled=variant == "rescaled",
+            no_tension=variant == "no-tension",
+            midpoint=midpoint,
+        )
 
 
 @dataclass(frozen=True)
@@ -61,21 +95,38 @@ class Elastic:
         return cls(1 / compliance, 1 / shear, damping)
 
 
-def pair_constants(elastic: Elastic, law: PairLaw, radius: float, mass: float, units: Units) -> dict[str, float]:
-    """Fields of a PairClass in scene units for reduced radius [m] and reduced mass [kg]."""
-    dashpot = 2 * math.sqrt(5 / 6) * elastic.damping
-    root = math.sqrt(radius / units.length)
-    m = mass / units.mass
-    young, shear = elastic.young / units.pressure, elastic.shear / units.pressure
+def pair_constants(scene: Scene, a: str, b: str, radius: float, mass: float, units: Units) -> dict[str, float]:
+    """Fields of a PairClass in scene units.
+
+    Args:
+        scene: Gives law, materials and pair laws.
+        a, b: Names of the two materials.
+        radius, mass: Reduced radius [m] and mass [kg].
+        units: Scene units.
+    """
+    pair = scene.pair_law(a, b)
+    elastic = Elastic.of(scene.material(a), scene.material(b), pair)
+    m, r = mass / units.mass, radius / units.length
+    if isinstance(scene.law, LinearSpring):
+        dashpot = 2 * elastic.damping
+        stiffness = units.force / units.length
+        kn, kt = scene.law.normal_stiffness / stiffness, scene.law.tangential_stiffness / stiffness
+        sn, st = kn, kt
+    else:
+        dashpot = 2 * math.sqrt(5 / 6) * elastic.damping
+        young, shear = elastic.young / units.pressure, elastic.shear / units.pressure
+        kn, kt = 4 / 3 * young * math.sqrt(r), 8 * shear * math.sqrt(r)
+        sn, st = 1.5 * kn, kt
     return {
-        "kn": 4 / 3 * young * root,
-        "kt": 8 * shear * root,
-        "dn": dashpot * math.sqrt(2 * young * root * m),
-        "dt": dashpot * math.sqrt(8 * shear * root * m),
-        "mu": law.friction,
+        "kn": kn,
+        "kt": kt,
+        "dn": dashpot * math.sqrt(sn * m),
+        "dt": dashpot * math.sqrt(st * m),
+        "mu": pair.friction,
+        "roll": pair.rolling_friction * r,
         "m": m,
-        "e": law.restitution,
-        "beta": law.tangential_restitution or 0.0,
+        "e": pair.restitution,
+        "beta": pair.tangential_restitution or 0.0,
     }
 
 
@@ -90,16 +141,21 @@ def contact_force(options: LawOptions) -> Any:
     t = types(options.precision)
     real, vec3, vec4, PairClass = t.real, t.vec3, t.vec4, t.PairClass
     friction, rescaled, midpoint = options.friction, options.rescaled, options.midpoint
+    linear, no_tension = options.linear, options.no_tension
 
     @wp.func
     def force(n: vec3, overlap: real, v: vec3, s: vec3, memory: vec4, c: PairClass, dt: real):
-        root = wp.sqrt(overlap)
-        quarter = wp.sqrt(root)
+        root, quarter = real(1.0), real(1.0)
+        if wp.static(not linear):
+            root = wp.sqrt(overlap)
+            quarter = wp.sqrt(root)
+        kt, eta, eta_t = c.kt * root, c.dn * quarter, c.dt * quarter
         vn = wp.dot(v, n)
-        eta = c.dn * quarter
         fn = c.kn * overlap * root - eta * vn
         if wp.static(midpoint):
             fn = fn / (real(1.0) + eta * dt / (real(2.0) * c.m))
+        if wp.static(no_tension):
+            fn = wp.max(fn, real(0.0))
         f = fn * n
         ft = vec3()
         after = vec4(real(0.0), real(0.0), real(0.0), real(1.0))
@@ -115,19 +171,47 @@ def contact_force(options: LawOptions) -> Any:
             else:
                 xi = xi + vt * dt
                 xi = xi - wp.dot(xi, n) * n
-            k = c.kt * root
-            spring2 = k * k * wp.dot(xi, xi)
+            spring2 = kt * kt * wp.dot(xi, xi)
             bound = c.mu * wp.abs(fn)
             if spring2 > bound * bound:
                 xi = xi * (bound / wp.sqrt(spring2))
-                ft = -k * xi
+                ft = -kt * xi
             else:
-                eta_t = c.dt * quarter
-                ft = -k * xi - eta_t * vt
+                ft = -kt * xi - eta_t * vt
                 if wp.static(midpoint):
-                    ft = -(k * xi + eta_t * vt) / (real(1.0) + real(7.0) * eta_t * dt / (real(4.0) * c.m))
+                    ft = -(kt * xi + eta_t * vt) / (real(1.0) + real(7.0) * eta_t * dt / (real(4.0) * c.m))
             f = f + ft
             after = vec4(xi[0], xi[1], xi[2], real(1.0))
         return f, ft, after
 
     return force
+
+
+@cache
+def rolling_torque(precision: str) -> Any:
+    """Torque of rolling friction as a Warp function (n, f, w, gain, inverse, c, dt) -> torque on i, the negative on j.
+
+    Constant directional torque (Ai, Chen, Rotter & Ooi 2011, doi 10.1016/j.powtec.2010.09.030, model A): mu_r R* |Fn|
+    against the relative rolling, the part of the relative spin in the tangent plane. It is at most what cancels the
+    rolling that the contact's own friction would add in the step, and ROLLING_SHARE of the rolling there is: it
+    never turns the rolling back, and a sphere on an incline comes to rest.
+
+    n, f: as in `contact_force`; w: relative spin w_i - w_j; gain: its change by the contact's friction per time;
+    inverse: sum of the inverse moments of inertia; c: constants of the pair; dt: step.
+    """
+    t = types(precision)
+    real, vec3, PairClass = t.real, t.vec3, t.PairClass
+
+    @wp.func
+    def rolling(n: vec3, f: vec3, w: vec3, gain: vec3, inverse: real, c: PairClass, dt: real):
+        torque = vec3()
+        if inverse > real(0.0) and dt > real(0.0):
+            rate = (w - wp.dot(w, n) * n) * (real(ROLLING_SHARE) / dt)
+            torque = (rate + gain) * (real(-1.0) / inverse)
+            bound = c.roll * wp.abs(wp.dot(f, n))
+            size = wp.length(torque)
+            if size > bound:
+                torque = torque * (bound / size)
+        return torque
+
+    return rolling

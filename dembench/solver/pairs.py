@@ -6,20 +6,21 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dembench.scene import Scene
-from dembench.solver.laws import Elastic, pair_constants
+from dembench.scene import LinearSpring, Scene
+from dembench.solver.laws import pair_constants
 from dembench.solver.types import types
 from dembench.solver.units import Units
 from dembench.solver.walls.features import wall_materials
 
-ONE, TABLE, RADII = "one", "table", "radii"
-"""How pair constants are found: one for all pairs; a table over species; a table over materials scaled by radii."""
+ONE, TABLE, RADII, LINEAR_RADII = "one", "table", "radii", "linear radii"
+"""How pair constants are found: one for all pairs; a table over species; a table over materials scaled by the radii
+and masses of the two bodies, of which the stiffness of a linear law does not depend."""
 
 
 def lookup_mode(scene: Scene) -> str:
     """The cheapest lookup that is exact for the scene."""
     if scene.constraints or scene.bodies.radius is not None:
-        return RADII
+        return LINEAR_RADII if isinstance(scene.law, LinearSpring) else RADII
     return ONE if len(np.unique(scene.bodies.species)) <= 1 else TABLE
 
 
@@ -74,20 +75,18 @@ def _mass(scene: Scene, species: Any) -> float:
 
 def _table(scene: Scene, units: Units, precision: str, rows: list[tuple[str, str, float, float]]) -> wp.array:
     PairClass = types(precision).PairClass
-    unscaled = lookup_mode(scene) == RADII
+    unscaled = lookup_mode(scene) in (RADII, LINEAR_RADII)
     records = []
     for a, b, radius, mass in rows:
         record = PairClass()
-        try:
-            law = scene.pair_law(a, b)
-        except KeyError:
-            records.append(record)
-            continue
-        elastic = Elastic.of(scene.material(a), scene.material(b), law)
-        scales = (units.length, units.mass) if unscaled else (radius, mass)
-        for name, value in pair_constants(elastic, law, *scales, units).items():
-            setattr(record, name, value)
         records.append(record)
+        scales = (units.length, units.mass) if unscaled else (radius, mass)
+        try:
+            constants = pair_constants(scene, a, b, *scales, units)
+        except KeyError:
+            continue
+        for name, value in constants.items():
+            setattr(record, name, value)
     return wp.array(records, dtype=PairClass, device="cpu")
 
 
@@ -99,16 +98,20 @@ def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
     """
     t = types(precision)
     real, Bodies, PairClass = t.real, t.Bodies, t.PairClass
+    by_radii = mode in (RADII, LINEAR_RADII)
 
     @wp.func
     def scaled(c: PairClass, radius: real, inverse_mass: real):
-        root = wp.sqrt(radius)
+        root = real(1.0)
+        if wp.static(mode == RADII):
+            root = wp.sqrt(radius)
         m = real(1.0) / wp.max(inverse_mass, real(1.0e-30))
         dashpot = wp.sqrt(root * m)
         c.kn = c.kn * root
         c.kt = c.kt * root
         c.dn = c.dn * dashpot
         c.dt = c.dt * dashpot
+        c.roll = c.roll * radius
         c.m = m
         return c
 
@@ -118,7 +121,7 @@ def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
             c = table[0]
         else:
             c = table[b.kind[i] * columns + b.kind[j]]
-            if wp.static(mode == RADII):
+            if wp.static(by_radii):
                 ri, rj = real(b.kin[i][6]), real(b.kin[j][6])
                 c = scaled(c, ri * rj / (ri + rj), b.inv_m[i] + b.inv_m[j])
         return c
@@ -129,7 +132,7 @@ def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
             c = table[k]
         else:
             c = table[b.kind[i] * columns + k]
-            if wp.static(mode == RADII):
+            if wp.static(by_radii):
                 c = scaled(c, real(b.kin[i][6]), b.inv_m[i])
         return c
 

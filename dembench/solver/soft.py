@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.scene import HertzMindlin, Scene, features
+from dembench.scene import Rigid, Scene, features
 from dembench.solver.contacts import StepOptions
 from dembench.solver.guard import SolverError
 from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, advance_kernel
@@ -106,7 +106,7 @@ class SoftSpheres:
 def unsupported(scene: Scene) -> list[str]:
     """What of a scene the soft-sphere solver cannot do, one line each."""
     found = unsupported_walls(scene) + unsupported_features(scene)
-    if not isinstance(scene.law, HertzMindlin):
+    if isinstance(scene.law, Rigid):
         found.append(f"contact law {scene.law.kind}")
     return found
 
@@ -114,21 +114,15 @@ def unsupported(scene: Scene) -> list[str]:
 def unsupported_features(scene: Scene) -> list[str]:
     """Features that neither solver has, one line each."""
     has = features(scene)
-    names = {
-        "rolling_friction": "rolling friction",
-        "sinks": "sinks",
-        "periodic": "periodic domains",
-        "shapes": "shapes",
-    }
+    names = {"sinks": "sinks", "periodic": "periodic domains", "shapes": "shapes"}
     return [text for name, text in names.items() if getattr(has, name)]
 
 
 def step_options(scene: Scene, state: State, precision: str, midpoint: bool) -> StepOptions:
     """What of the soft-sphere step a scene needs."""
     has = features(scene)
-    law = LawOptions(precision, has.friction, getattr(scene.law, "variant", "") == "rescaled", midpoint)
     return StepOptions(
-        law=law,
+        law=LawOptions.of(scene, precision, midpoint),
         pairs=lookup_mode(scene),
         alike=state.alike(),
         walls=state.walls.options,

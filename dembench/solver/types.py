@@ -25,8 +25,9 @@ def types(precision: str) -> Any:
     of inertia, 0 where the motion is prescribed; kind: species.
 
     PairClass: constants of a pair of species, of a species and a wall, or of two radii. radii: sum of the radii;
-    kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4);
-    mu: friction; m: reduced mass; e, beta: normal and tangential restitution.
+    kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4) (in a
+    linear law all four are constants of the contact); mu: friction; roll: rolling friction times reduced radius;
+    m: reduced mass; e, beta: normal and tangential restitution.
 
     Lists: pairs (i, j) within the skin and their contact memory, the subset that is near; candidates of bodies wall_i
     against wall features wall_f, those of one body side by side, with their memory; candidates of the large bodies.
@@ -50,6 +51,7 @@ def types(precision: str) -> Any:
         dn: real
         dt: real
         mu: real
+        roll: real
         m: real
         e: real
         beta: real

@@ -1,4 +1,4 @@
-"""The reference law and all pairs, written out in plain numpy: slow, without lists, units and single precision.
+"""The laws and all pairs, written out in plain numpy: slow, without lists, units and single precision.
 
 Formulas and signs follow LIGGGHTS (`gran model hertz tangential history`), which shares no code with the solver.
 """
@@ -8,9 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from dembench.scene import Plane, Scene
+from dembench.scene import LinearSpring, Plane, Scene
 
 
 class AllPairs:
@@ -27,7 +26,9 @@ class AllPairs:
         self.w = scene.bodies.angular_velocity.copy()
         self.r, self.m = scene.radii(), scene.masses()
         self.inertia = 0.4 * self.m * self.r**2
-        self.rescaled = scene.law.variant == "rescaled"
+        variant = getattr(scene.law, "variant", "")
+        self.rescaled, self.no_tension = variant == "rescaled", variant == "no-tension"
+        self.linear = scene.law if isinstance(scene.law, LinearSpring) else None
         material, law = scene.materials[0], scene.pair_laws[0]
         shear = material.young / (2 * (1 + material.poisson))
         self.young = 1 / (2 * (1 - material.poisson**2) / material.young)
@@ -93,13 +94,11 @@ class AllPairs:
     def _law(
         self, n: Any, overlap: Any, v: Any, s: Any, xi: Any, radius: Any, mass: Any, dt: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        a = np.sqrt(radius * overlap)
-        sn, st = 2 * self.young * a, 8 * self.shear * a
-        gn = -2 * np.sqrt(5 / 6) * self.beta * np.sqrt(sn * mass)
-        gt = -2 * np.sqrt(5 / 6) * self.beta * np.sqrt(st * mass)
+        kn, st, gn, gt = self.coefficients(overlap, radius, mass)
         vn = (v * n).sum(axis=1)
         vt = v - vn[:, None] * n - np.cross(s, n)
-        fn = 4 / 3 * self.young * a * overlap - gn * vn
+        fn = kn * overlap - gn * vn
+        fn = np.maximum(fn, 0) if self.no_tension else fn
         if self.rescaled:
             flat = xi - (xi * n).sum(axis=1)[:, None] * n
             old, new = np.linalg.norm(xi, axis=1), np.linalg.norm(flat, axis=1)
@@ -114,26 +113,12 @@ class AllPairs:
         ft = -st[:, None] * xi - np.where(slides, 0, gt)[:, None] * vt
         return fn[:, None] * n + ft, ft, xi
 
-
-def sticking_impact(scene: Scene, normal_speed: float, surface_speed: float) -> tuple[float, float]:
-    """Impact of a grain on a plane without slip, in continuous time: normal and surface speed [m/s] when they part.
-
-    The surface of the grain, lever arm r, has the effective mass m/(1 + 5/2): m s' = 7/2 Ft.
-    """
-    law, m, r = AllPairs(scene, 0.0), float(scene.masses()[0]), float(scene.radii()[0])
-
-    def slope(_t: float, y: np.ndarray) -> list[float]:
-        a = np.sqrt(r * max(y[0], 0.0))
-        sn, st = 2 * law.young * a, 8 * law.shear * a
-        c = -2 * np.sqrt(5 / 6) * law.beta
-        fn = 2 / 3 * sn * y[0] + c * np.sqrt(sn * m) * y[1]
-        ft = -st * y[2] - c * np.sqrt(st * m) * y[3]
-        return [y[1], -fn / m, y[3], 3.5 * ft / m]
-
-    def apart(_t: float, y: np.ndarray) -> float:
-        return float(y[0])
-
-    apart.terminal, apart.direction = True, -1  # type: ignore[attr-defined]
-    start = [1e-12 * r, normal_speed, 0.0, surface_speed]
-    end = solve_ivp(slope, (0, 1.0), start, events=apart, rtol=1e-9, atol=1e-14, method="LSODA").y[:, -1]
-    return -float(end[1]), float(end[3])
+    def coefficients(self, overlap: Any, radius: Any, mass: Any) -> tuple[Any, Any, Any, Any]:
+        """Normal and tangential force per displacement and dashpots at an overlap; reduced radius and mass."""
+        if self.linear:
+            kn, st = (k + 0 * overlap for k in (self.linear.normal_stiffness, self.linear.tangential_stiffness))
+            return kn, st, -2 * self.beta * np.sqrt(kn * mass), -2 * self.beta * np.sqrt(st * mass)
+        a = np.sqrt(radius * overlap)
+        sn, st = 2 * self.young * a, 8 * self.shear * a
+        c = -2 * np.sqrt(5 / 6) * self.beta
+        return 2 / 3 * sn, st, c * np.sqrt(sn * mass), c * np.sqrt(st * mass)

@@ -11,11 +11,11 @@ from grains import FLOOR, RADIUS, grains
 from dembench.scene import (
     Cylinder,
     Domain,
-    LinearSpring,
     Mesh,
     Motion,
     PairLaw,
     Region,
+    Rigid,
     Scene,
     Sink,
 )
@@ -94,12 +94,11 @@ TRIANGLES = [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
 LAW = {"a": "grain", "b": "grain", "restitution": 0.5, "friction": 0.3}
 BOTH = ["soft-sphere", "impulse"]
 MISSING = {
-    "rolling friction": (BOTH, {"pair_laws": (PairLaw(**LAW, rolling_friction=0.1),)}),
+    "rolling friction": (["impulse"], {"pair_laws": (PairLaw(**LAW, rolling_friction=0.1),)}),
     "sinks": (BOTH, {"sinks": (Sink(name="drain", region=Region(upper=(None, None, -1.0))),)}),
     "periodic domains": (BOTH, {"domain": Domain(lower=(-1,) * 3, upper=(1,) * 3, periodic=(True, False, False))}),
     "wall chute: triangle meshes": (BOTH, {"walls": (Mesh(name="chute", material="grain", triangles=TRIANGLES),)}),
-    "contact law linear": (["soft-sphere"], {"law": LinearSpring(normal_stiffness=1e4, tangential_stiffness=1e4)}),
-    "tangential restitution": (["impulse"], {"pair_laws": (PairLaw(**LAW, tangential_restitution=0.4),)}),
+    "contact law rigid": (["soft-sphere"], {"law": Rigid()}),
 }
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from grains import FLOOR, RADIUS, gas, grains
-from reference import AllPairs, sticking_impact
+from impacts import Impact
+from reference import AllPairs
 
-from dembench.scene import Material, PairLaw, Plane, Species
+from dembench.scene import HertzMindlin, LinearSpring, Material, PairLaw, Plane, Species
 from dembench.solver import Simulation
 
 
@@ -33,9 +34,17 @@ OBLIQUE = {
 }
 
 
-@pytest.mark.parametrize("variant", ["reference", "rescaled"])
+LAWS = {
+    "reference": HertzMindlin(),
+    "rescaled": HertzMindlin(variant="rescaled"),
+    "no-tension": HertzMindlin(variant="no-tension"),
+    "linear": LinearSpring(normal_stiffness=2000.0, tangential_stiffness=1700.0),
+}
+
+
+@pytest.mark.parametrize("name", list(LAWS))
 @pytest.mark.parametrize("case", list(OBLIQUE))
-def test_oblique_impact_of_spinning_spheres_follows_the_law(case: str, variant: str) -> None:
+def test_oblique_impact_of_spinning_spheres_follows_the_law(case: str, name: str) -> None:
     """Different radii, spins about all axes, until the spheres part: every step is that of the law in plain numpy."""
     law = OBLIQUE[case]
     scene = grains(
@@ -45,7 +54,7 @@ def test_oblique_impact_of_spinning_spheres_follows_the_law(case: str, variant: 
         radius=(RADIUS, 1.5 * RADIUS),
         species=[0, 1],
         friction=law["friction"],
-        variant=variant,
+        law=LAWS[name],
     )
     simulation, reference = Simulation(scene, precision="float64"), AllPairs(scene, 1e-6)
     steps_in_contact = 0
@@ -83,7 +92,8 @@ def test_impact_without_slip_tends_to_the_solution_in_continuous_time() -> None:
     """Normal and tangential oscillator with their dashpots on a plane, solved by scipy; the variant with lever r."""
     law = {"walls": (FLOOR,), "friction": 1e6, "variant": "rescaled", "dt": 1e-7}
     scene = grains([[0, 0, 1.01e-3]], [[0.2, 0, -0.3]], [[0, 50, 0]], **law)
-    rebound, surface = sticking_impact(scene, 0.3, 0.2 - 50 * RADIUS)
+    end = Impact(scene, 0)
+    rebound, surface = end.velocity[1], end.velocity[0] - RADIUS * end.spins[0]
     simulation = Simulation(scene, precision="float64")
     simulation.step(16000)
     v, w = simulation.velocity[0], simulation.angular_velocity[0]

@@ -154,4 +154,7 @@ class Impulses:
 
 def unsupported(scene: Scene) -> list[str]:
     """What of a scene the impulse solver cannot do, one line each."""
-    return unsupported_walls(scene) + unsupported_features(scene)
+    found = unsupported_walls(scene) + unsupported_features(scene)
+    if features(scene).rolling_friction:
+        found.append("rolling friction")
+    return found

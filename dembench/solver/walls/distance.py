@@ -47,10 +47,10 @@ def mantle_distance(f: Feature, x: wp.vec3d):
 
 @cache
 def wall_functions(o: WallOptions) -> Any:
-    """Warp functions `distance` and `velocity` of a feature at a point.
+    """Warp functions `distance`, `velocity` and `spin` of a feature.
 
     distance(walls, k, first, x) -> (distance, unit normal into the void) of feature k; `first` is where the poses of
-    the thread begin. velocity(walls, k, first, x) is that of the surface at x.
+    the thread begin. velocity(walls, k, first, x) is that of the surface at x, spin(walls, k, first) its rotation.
     """
     curved, timed, moving = o.curved, o.timed, o.moving
 
@@ -88,4 +88,13 @@ def wall_functions(o: WallOptions) -> Any:
                 v = pose.velocity + wp.cross(pose.spin, x - pose.centre)
         return v
 
-    return SimpleNamespace(distance=distance, velocity=velocity)
+    @wp.func
+    def spin(walls: Walls, k: int, first: int):
+        w = wp.vec3d()
+        if wp.static(moving):
+            m = walls.features[k].motion
+            if m >= 0:
+                w = walls.poses[first + m].spin + wp.vec3d()
+        return w
+
+    return SimpleNamespace(distance=distance, velocity=velocity, spin=spin)
