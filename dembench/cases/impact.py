@@ -20,6 +20,7 @@ from dembench.scene import (
     Bodies,
     Box,
     Domain,
+    ElasticEnergy,
     Energy,
     Material,
     Overlap,
@@ -211,6 +212,7 @@ def _scene(name: str, bed: np.ndarray, preset: Preset) -> Scene:
         observables=(
             Trajectory(name="ball", body=n, interval=INTERVAL, track_interval=TRACK_INTERVAL),
             Energy(name="energy", interval=INTERVAL),
+            ElasticEnergy(name="springs", interval=INTERVAL),
             Overlap(name="overlap", interval=INTERVAL),
             Snapshot(name="final", times=(duration,)),
         ),

@@ -22,11 +22,13 @@ QUANTITIES = {
     "deepest_time": ("Time of the deepest 1 ms sample", "s"),
     "descent_25ms": ("Displacement at 25 ms", "m"),
     "descent_27ms": ("Displacement at 27 ms", "m"),
+    "descent_29ms": ("Displacement at 29 ms", "m"),
     "speed_35ms": ("Vertical velocity of the ball at 35 ms", "m/s"),
     "end_point": ("Displacement at the end", "m"),
     "free_fall": ("Displacement at the last sample of the free fall", "m"),
     "floor_clearance": ("Smallest gap between ball and floor", "m"),
     "energy_excess": ("Largest kinetic and potential energy above that at the start", "J"),
+    "energy_rise": ("Largest rise of the energy, normal springs included, between 1 ms samples", "J"),
 }
 """Title and unit of every quantity, in the order of tables."""
 
@@ -43,7 +45,19 @@ def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
     if "energy" in seen and len(seen["energy"].time):
         total = np.asarray(seen["energy"].value).sum(axis=1)
         found["energy_excess"] = float(total.max() - total[0])
+        found["energy_rise"] = _rise(total, seen.get("springs"))
     return [Quantity(name, *_titled(name, value)) for name in QUANTITIES if (value := found.get(name)) is not None]
+
+
+def _rise(total: np.ndarray, springs: Any) -> float | None:
+    """Largest rise [J] between neighbouring samples of `total` and the springs' energy, which a rebound feeds on.
+
+    What shear springs store is not in it: no position tells it. 0 where it never rises.
+    """
+    if springs is None or len(springs.time) < 2:
+        return None
+    n = min(len(total), len(springs.time))
+    return max(0.0, float(np.diff(total[:n] + np.asarray(springs.value)[:n]).max()))
 
 
 def _titled(name: str, value: float) -> tuple[str, float, str]:
@@ -64,6 +78,7 @@ def _depths(scene: Scene, seen: Mapping[str, Any]) -> dict[str, float | None]:
         found["deepest_between"] = fine[1] if fine is not None else None
     found["descent_25ms"] = sample_at(time, depth, 0.025)
     found["descent_27ms"] = sample_at(time, depth, 0.027)
+    found["descent_29ms"] = sample_at(time, depth, 0.029)
     found["end_point"] = sample_at(time, depth, scene.duration)
     found["free_fall"] = sample_at(time, depth, free_fall_end(scene))
     found["floor_clearance"] = float(min(np.min(depth), np.min(between))) + _floor_gap(scene)

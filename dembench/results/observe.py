@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from dembench.results.elastic import NormalSprings
 from dembench.results.schema import Observed, SnapshotSeries, channels, snapshot_times
-from dembench.scene import CentreOfMass, Count, Energy, Overlap, Scene, Snapshot, Trajectory, ZoneCount
+from dembench.scene import CentreOfMass, Count, ElasticEnergy, Energy, Overlap, Scene, Snapshot, Trajectory, ZoneCount
 from dembench.scene.overlap import largest_overlap
 
 
@@ -161,6 +163,8 @@ class Observer:
                 }
             case Energy():
                 return {o.name: self._energy(frame)}
+            case ElasticEnergy():
+                return {o.name: self._springs.energy(frame.position, frame.present)}
             case Overlap():
                 return {o.name: largest_overlap(frame.position, self._radii[frame.present], self.scene.domain)}
             case Count():
@@ -180,6 +184,10 @@ class Observer:
             0.5 * float(inertia @ (frame.angular_velocity**2).sum(axis=1)),
             -float(mass @ (frame.position @ np.array(self.scene.gravity))),
         )
+
+    @cached_property
+    def _springs(self) -> NormalSprings:
+        return NormalSprings(self.scene)
 
     def _zones(self, o: ZoneCount, frame: Any) -> list[int]:
         species = self.scene.bodies.species

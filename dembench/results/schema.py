@@ -9,14 +9,18 @@ import numpy as np
 from dembench.scene import (
     CentreOfMass,
     Count,
+    ElasticEnergy,
     Energy,
     Overlap,
+    Rigid,
     Scene,
     Snapshot,
     Species,
     Trajectory,
     WallForce,
     ZoneCount,
+    features,
+    geometry_moves,
 )
 
 VERSION = (1, 0)
@@ -110,6 +114,8 @@ def channels(scene: Scene) -> dict[str, Channel]:
             ]
         elif isinstance(o, Energy):
             rows = [(name, "Kinetic and potential energy", "J", ("translational", "rotational", "potential"))]
+        elif isinstance(o, ElasticEnergy):
+            rows = [(name, "Energy of the normal springs", "J", ())]
         elif isinstance(o, Overlap):
             rows = [(name, "Largest overlap of two particles", "m", ())]
         elif isinstance(o, Count):
@@ -128,11 +134,23 @@ def channels(scene: Scene) -> dict[str, Channel]:
 
 def not_recorded(scene: Scene) -> list[str]:
     """Observables that cannot be computed from positions and velocities, one line each."""
-    return [
-        f"observable {o.name}: wall forces are not recorded; positions and velocities do not determine them"
-        for o in scene.observables
-        if isinstance(o, WallForce)
-    ]
+    found = []
+    for o in scene.observables:
+        if isinstance(o, WallForce):
+            why = "wall forces are not recorded; positions and velocities do not determine them"
+            found.append(f"observable {o.name}: {why}")
+        elif isinstance(o, ElasticEnergy) and (why := _without_springs(scene)):
+            found.append(f"observable {o.name}: the energy of springs is not known where {why}")
+    return found
+
+
+def _without_springs(scene: Scene) -> str:
+    """Why positions do not tell the energy of the springs; empty where they do."""
+    if isinstance(scene.law, Rigid):
+        return "the law is rigid and has none"
+    if any(geometry_moves(wall) for wall in scene.walls):
+        return "walls change their place"
+    return "bodies are no spheres" if features(scene).shapes else ""
 
 
 def times_of(scene: Scene, interval: float) -> np.ndarray:

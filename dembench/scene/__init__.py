@@ -9,6 +9,7 @@ from dembench.scene.materials import HertzMindlin, LinearSpring, Material, PairL
 from dembench.scene.observables import (
     CentreOfMass,
     Count,
+    ElasticEnergy,
     Energy,
     Overlap,
     Region,
@@ -30,6 +31,7 @@ __all__ = [
     "Count",
     "Cylinder",
     "Domain",
+    "ElasticEnergy",
     "Energy",
     "Features",
     "Frustum",

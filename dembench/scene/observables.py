@@ -86,6 +86,12 @@ class Energy(Sampled):
     kind: Literal["energy"] = "energy"
 
 
+class ElasticEnergy(Sampled):
+    """Energy of the normal springs that the law puts between bodies and at walls, from the overlaps [J]."""
+
+    kind: Literal["elastic-energy"] = "elastic-energy"
+
+
 class Overlap(Sampled):
     """Largest overlap of any two particles [m]."""
 
@@ -108,6 +114,6 @@ class Snapshot(Model):
 
 
 Observable = Annotated[
-    Count | ZoneCount | Trajectory | CentreOfMass | Energy | Overlap | WallForce | Snapshot,
+    Count | ZoneCount | Trajectory | CentreOfMass | Energy | ElasticEnergy | Overlap | WallForce | Snapshot,
     Field(discriminator="kind"),
 ]

@@ -9,7 +9,7 @@ import pytest
 from conftest import falling_frames, falling_tracks
 
 from dembench.results import Observer, observe
-from dembench.scene import Domain, Region, Sink, Trajectory, WallForce
+from dembench.scene import Domain, ElasticEnergy, Region, Rigid, Sink, Trajectory, WallForce
 from dembench.scene.overlap import largest_overlap
 
 DT = 1e-5
@@ -205,3 +205,24 @@ def test_the_largest_overlap_sees_through_periodic_faces():
     assert largest_overlap(apart, radius, domain) == 0
     outside = np.array([[-3.95, 1, 1], [0.98, 1, 1], [0.5, 1, 1]])
     assert largest_overlap(outside, radius, domain) == pytest.approx(0.13)
+
+
+def test_springs_of_pairs_and_walls_store_what_hertz_says(small_scene) -> None:
+    """8/15 E* sqrt(R*) d^(5/2) for two grains, a grain and the ball, and a grain on the floor; 0 where nothing touches.
+
+    E* = E/(2 (1 - nu^2)) for two bodies of one material; R* is 1 mm, 20/11 mm and, on the floor, 2 mm.
+    """
+    scene = small_scene(observables=(ElasticEnergy(name="springs", interval=0.01),))
+    position = np.array([[0, 0, 0.0019], [0.0038, 0, 0.05], [0.0, 0, 0.05], [0, 0, 0.0717]])
+    frame = dataclasses.replace(falling_frames(scene, 1e-5)[0], position=position)
+    (stored,) = observe(scene, [frame])["springs"].value
+    stiffness = 8 / 15 * 1e7 / (2 * (1 - 0.25**2))
+    parts = [np.sqrt(r) * d**2.5 for r, d in ((0.001, 2e-4), (0.04 / 22, 3e-4), (0.002, 1e-4))]
+    assert stored == pytest.approx(stiffness * sum(parts), rel=1e-9)
+    assert observe(scene, falling_frames(scene, 1e-5))["springs"].value == pytest.approx([0, 0])
+
+
+def test_springs_of_a_rigid_law_are_refused(small_scene) -> None:
+    scene = small_scene(law=Rigid(), observables=(ElasticEnergy(name="springs", interval=0.01),))
+    with pytest.raises(ValueError, match="springs: the energy of springs is not known where the law is rigid"):
+        observe(scene, [])
