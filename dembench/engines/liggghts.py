@@ -51,7 +51,7 @@ from dembench.engines.liggghts_output import (
     steps_of,
 )
 from dembench.engines.liggghts_walls import AXES, materials_of, motion_of, type_of, walls, write_stl
-from dembench.scene import HertzMindlin, Scene, WallForce, features
+from dembench.scene import HertzMindlin, Scene, Sdf, WallForce, features
 from dembench.scene.base import Positive
 
 DECK = "in.liggghts"
@@ -143,6 +143,8 @@ class Liggghts(Engine):
         for wall in scene.walls:
             if wall.motion is not None and motion_of(wall.motion) is None:
                 faults.append(f"motion of wall {wall.name}: either a rotation or a translation of the whole wall")
+            if isinstance(wall, Sdf):
+                faults.append(f"wall {wall.name}: a signed distance on a grid")
         for surface in walls(scene, SEGMENTS)[1]:
             low, high = surface.triangles.min(axis=(0, 1)), surface.triangles.max(axis=(0, 1))
             if (low < scene.domain.lower).any() or (high > scene.domain.upper).any():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dembench.scene import Box, Cylinder, Frustum, Material, Mesh, Motion, Plane, Scene
+from dembench.scene import Box, Cylinder, Frustum, Material, Mesh, Motion, Plane, Scene, Sdf
 
 AXES = "xyz"
 
@@ -65,7 +65,7 @@ def walls(scene: Scene, segments: int) -> tuple[list[Primitive], list[Surface]]:
     return primitives, surfaces
 
 
-def _shapes(wall: Plane | Box | Cylinder | Frustum | Mesh, scene: Scene) -> list[tuple[str, str]] | None:
+def _shapes(wall: Plane | Box | Cylinder | Frustum | Mesh | Sdf, scene: Scene) -> list[tuple[str, str]] | None:
     """The exact primitives of a wall at rest as (suffix of its name, shape); None where there are none."""
     if isinstance(wall, Plane):
         axis = _axis(wall.normal)

@@ -6,6 +6,7 @@ from dembench.scene.checks import check_scene
 from dembench.scene.features import Features, features
 from dembench.scene.files import SceneError, load_scene, save_scene, scene_from, scene_schema
 from dembench.scene.materials import HertzMindlin, LinearSpring, Material, PairLaw, Rigid
+from dembench.scene.mesh import Mesh
 from dembench.scene.observables import (
     CentreOfMass,
     Count,
@@ -19,8 +20,10 @@ from dembench.scene.observables import (
     ZoneCount,
 )
 from dembench.scene.scene import Constraint, Domain, Scene, Sink, Species
+from dembench.scene.sdf import Sdf
 from dembench.scene.shapes import Clump, Grain
-from dembench.scene.walls import Box, Cylinder, Frustum, Mesh, Motion, Plane, geometry_moves
+from dembench.scene.wall import Motion
+from dembench.scene.walls import Box, Cylinder, Frustum, Plane, geometry_moves
 
 __all__ = [
     "Bodies",
@@ -48,6 +51,7 @@ __all__ = [
     "Rigid",
     "Scene",
     "SceneError",
+    "Sdf",
     "Sink",
     "Snapshot",
     "Species",

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dembench.scene.files import SceneError
+from dembench.scene.mesh import Mesh, closest_points
 from dembench.scene.scene import Scene
-from dembench.scene.walls import Mesh, closest_points
 
 LARGEST_OVERLAP = 0.01
 

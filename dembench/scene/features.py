@@ -6,8 +6,10 @@ import numpy as np
 
 from dembench.scene.base import Model
 from dembench.scene.materials import HertzMindlin, Rigid
+from dembench.scene.mesh import Mesh
 from dembench.scene.scene import Scene
-from dembench.scene.walls import Cylinder, Frustum, Mesh, geometry_moves
+from dembench.scene.sdf import Sdf
+from dembench.scene.walls import Cylinder, Frustum, geometry_moves
 
 
 class Features(Model):
@@ -21,7 +23,7 @@ class Features(Model):
         shapes: Some body is no sphere.
         polydisperse: Bodies have different radii.
         pair_table: More than one pair law is in use between particles.
-        walls, moving_walls, curved_walls, mesh_walls: Kinds of walls present.
+        walls, moving_walls, curved_walls, mesh_walls, sdf_walls: Kinds of walls present.
         moving_geometry: Some wall changes where it is, beyond a motion of its surface.
         sinks, constraints, periodic, gravity: Present or not.
     """
@@ -38,6 +40,7 @@ class Features(Model):
     moving_geometry: bool
     curved_walls: bool
     mesh_walls: bool
+    sdf_walls: bool
     sinks: bool
     constraints: bool
     periodic: bool
@@ -70,6 +73,7 @@ def features(scene: Scene) -> Features:
         moving_geometry=any(geometry_moves(w) for w in scene.walls),
         curved_walls=any(isinstance(w, Cylinder | Frustum) for w in scene.walls),
         mesh_walls=any(isinstance(w, Mesh) for w in scene.walls),
+        sdf_walls=any(isinstance(w, Sdf) for w in scene.walls),
         sinks=bool(scene.sinks),
         constraints=bool(scene.constraints),
         periodic=any(scene.domain.periodic),

@@ -16,8 +16,8 @@ from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
 from scipy.spatial import cKDTree
 
 from dembench.scene.base import Model, Positive, Vector
+from dembench.scene.mesh import Mesh
 from dembench.scene.solids import Solid, inside_level_set, level_set, union_of_spheres
-from dembench.scene.walls import Mesh
 
 Sphere = tuple[float, float, float, Positive]
 

@@ -7,40 +7,15 @@ and `triangulate()`. A particle has one contact per feature of a wall: a plane, 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PlainSerializer, model_validator
+from pydantic import Field, model_validator
 
-from dembench.scene.base import Direction, Model, Name, NotNegative, Positive, Vector
-
-
-class Motion(Model):
-    """Prescribed motion of a wall: a translation, a rotation about an axis and a harmonic oscillation, added.
-
-    Attributes:
-        velocity: Constant velocity [m/s].
-        angular_velocity: Rotation vector [rad/s].
-        centre: A point on the rotation axis [m].
-        amplitude: Amplitude vector of the oscillation amplitude * sin(2 pi frequency t) [m].
-        frequency: Frequency of the oscillation [Hz].
-        surface: Only the surface moves, and the wall stays where it is: a conveyor belt.
-    """
-
-    velocity: Vector = (0.0, 0.0, 0.0)
-    angular_velocity: Vector = (0.0, 0.0, 0.0)
-    centre: Vector = (0.0, 0.0, 0.0)
-    amplitude: Vector = (0.0, 0.0, 0.0)
-    frequency: NotNegative = 0.0
-    surface: bool = False
-
-
-class Wall(Model):
-    """A named wall of one material, at rest unless it has a motion."""
-
-    name: Name
-    material: Name
-    motion: Motion | None = None
+from dembench.scene.base import Direction, NotNegative, Positive, Vector
+from dembench.scene.mesh import Mesh
+from dembench.scene.sdf import Sdf
+from dembench.scene.wall import Wall
 
 
 class Plane(Wall):
@@ -244,83 +219,15 @@ class Frustum(_Axial):
         return self.radius_start, self.radius_end
 
 
-def _triangles(value: Any) -> np.ndarray:
-    array = np.array(value, dtype=np.float64)
-    if array.ndim != 3 or array.shape[1:] != (3, 3) or len(array) == 0:
-        raise ValueError(f"triangles must have shape (n, 3, 3) with n > 0, not {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"triangle {int(np.argwhere(~np.isfinite(array))[0][0])} has a coordinate that is not finite")
-    array.setflags(write=False)
-    return array
+def _tangents(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors that complete `axis` to a right-handed basis."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    u = np.cross(axis, helper)
+    u /= np.linalg.norm(u)
+    return u, np.cross(axis, u)
 
 
-Triangles = Annotated[
-    Any,
-    BeforeValidator(_triangles),
-    PlainSerializer(lambda array: array.tolist(), return_type=list),
-    Field(json_schema_extra={"type": "array", "minItems": 1, "items": {"type": "array", "minItems": 3, "maxItems": 3}}),
-]
-
-
-class Mesh(Wall):
-    """A surface of triangles; the void is on the side of their normals (counter-clockwise order).
-
-    Attributes:
-        triangles: Vertices [m], shape (n, 3, 3).
-    """
-
-    kind: Literal["mesh"] = "mesh"
-    triangles: Triangles
-
-    def __hash__(self) -> int:
-        return hash((self.name, self.material, self.triangles.tobytes()))
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, Mesh)
-            and (self.name, self.material, self.motion) == (other.name, other.material, other.motion)
-            and np.array_equal(self.triangles, other.triangles)
-        )
-
-    def signed_distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance of points [m], shape (n, 3), to the nearest triangle, signed by its normal [m], shape (n,)."""
-        points = np.asarray(points, dtype=np.float64)
-        best = np.full(len(points), np.inf)
-        side = np.zeros(len(points))
-        tie = 1e-12 * float(np.abs(self.triangles).max())
-        for triangle in self.triangles:
-            offset = points - closest_points(points, triangle)
-            distance = np.linalg.norm(offset, axis=1)
-            normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
-            own_side = offset @ normal / (np.linalg.norm(normal) * np.maximum(distance, tie))
-            # At a shared edge several triangles are equally near; the one seen most from the front knows the side.
-            nearer = (distance < best - tie) | ((distance <= best + tie) & (np.abs(own_side) > np.abs(side)))
-            side = np.where(nearer, own_side, side)
-            best = np.minimum(best, distance)
-        return np.where(side < 0, -best, best)
-
-    def triangulate(self) -> np.ndarray:
-        """The triangles themselves, shape (n, 3, 3)."""
-        return self.triangles
-
-
-def closest_points(points: np.ndarray, triangle: np.ndarray) -> np.ndarray:
-    """Closest points of a triangle [m], shape (n, 3): the projection, or the nearest point of the three edges."""
-    a, b, c = triangle
-    normal = np.cross(b - a, c - a)
-    normal = normal / np.linalg.norm(normal)
-    projected = points - ((points - a) @ normal)[:, None] * normal
-    inside = np.ones(len(points), dtype=bool)
-    candidates, distances = [], []
-    for p, q in ((a, b), (b, c), (c, a)):
-        edge = q - p
-        inside &= (projected - p) @ np.cross(normal, edge) >= 0
-        t = np.clip((points - p) @ edge / (edge @ edge), 0, 1)
-        nearest = p + t[:, None] * edge
-        candidates.append(nearest)
-        distances.append(np.linalg.norm(points - nearest, axis=1))
-    edge_point = np.array(candidates)[np.argmin(distances, axis=0), np.arange(len(points))]
-    return np.where(inside[:, None], projected, edge_point)
+WallShape = Annotated[Plane | Box | Cylinder | Frustum | Mesh | Sdf, Field(discriminator="kind")]
 
 
 def geometry_moves(wall: WallShape) -> bool:
@@ -346,14 +253,3 @@ def geometry_moves(wall: WallShape) -> bool:
 
 def _parallel(a: np.ndarray, b: np.ndarray) -> bool:
     return bool(np.linalg.norm(np.cross(a, b)) <= 1e-9 * np.linalg.norm(a) * np.linalg.norm(b))
-
-
-def _tangents(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors that complete `axis` to a right-handed basis."""
-    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    u = np.cross(axis, helper)
-    u /= np.linalg.norm(u)
-    return u, np.cross(axis, u)
-
-
-WallShape = Annotated[Plane | Box | Cylinder | Frustum | Mesh, Field(discriminator="kind")]

@@ -31,6 +31,14 @@ DRUM = {
     "closed_start": True,
     "closed_end": True,
 }
+VOID = {
+    "kind": "sdf",
+    "name": "void",
+    "material": "steel",
+    "values": np.tile([-0.01, 0.0, 0.01], (3, 3, 1)),
+    "origin": (0, 0, -0.01),
+    "spacing": 0.01,
+}
 TURNING = {"angular_velocity": (0, -2, 0)}
 
 
@@ -193,7 +201,9 @@ def test_an_infinite_cylinder_stands_only_for_one_without_an_end(end: float, pri
         ),
         ({"walls": ({**DRUM, "motion": {**TURNING, "velocity": (0, 1, 0)}},)}, "motion of wall drum"),
         ({"walls": ({**DRUM, "motion": {"amplitude": (0, 0, 1e-3), "frequency": 50}},)}, "motion of wall drum"),
+        ({"walls": ({**DRUM, "motion": {**TURNING, "surface": True}},)}, "motion of wall drum"),
         ({"walls": ({**DRUM, "motion": TURNING, "radius": 0.05},)}, "domain"),
+        ({"walls": (VOID,)}, "wall void: a signed distance on a grid"),
     ],
 )
 def test_what_it_cannot_do_is_named(changes: dict[str, Any], named: str) -> None:

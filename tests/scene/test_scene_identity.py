@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dembench.scene import Bodies, Mesh, Scene, load_scene, save_scene, scene_from, scene_schema
+from dembench.scene import Bodies, Mesh, Scene, Sdf, load_scene, save_scene, scene_from, scene_schema
 
 SCHEMA = jsonschema.Draft202012Validator(scene_schema())
 EXAMPLES = sorted((Path(__file__).parents[2] / "data" / "scenes").glob("*.json"))
@@ -163,6 +163,19 @@ def test_the_digest_is_the_same_for_the_same_content(small_scene):
 def test_arrays_cannot_be_changed(small_scene):
     with pytest.raises(ValueError):
         small_scene().bodies.position[0, 0] = 1.0
+
+
+def test_grids_compare_by_content_and_survive_their_file(small_scene, tmp_path):
+    def wall(shift):
+        height = np.broadcast_to(np.linspace(-1, 1, 17), (17, 17, 17)) / 7 + shift
+        return Sdf(name="void", material="glass", values=height, origin=(0, 0, -1), spacing=1 / 7)
+
+    a, b, c = (small_scene(walls=(wall(shift),)) for shift in (0.0, 0.0, 1e-16))
+    assert a.walls == b.walls and hash(a.walls[0]) == hash(b.walls[0]) and a.digest() == b.digest()
+    assert a.walls != c.walls and a.digest() != c.digest()
+    save_scene(a, tmp_path / "scene.json")
+    assert len((tmp_path / "scene.json").read_text()) < 10000
+    assert load_scene(tmp_path / "scene.json") == a
 
 
 def test_meshes_compare_by_content():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dembench.scene import Box, Cylinder, Frustum, Mesh, Plane
-from dembench.scene.walls import closest_points
+from dembench.scene import Box, Cylinder, Frustum, Mesh, Plane, Sdf
+from dembench.scene.mesh import closest_points
 
 SEGMENTS = 200
 BOTH = {"closed_start": True, "closed_end": True}
@@ -157,3 +157,51 @@ def test_shapes_that_are_none():
         Mesh(name="w", material="m", triangles=[])
     with pytest.raises(ValueError, match="triangle 0"):
         Mesh(name="w", material="m", triangles=[[[0, 0, 0], [1, 0, 0], [0, float("nan"), 0]]])
+
+
+def ball_void(points):
+    """Signed distance from inside a sphere of radius 1 about the origin."""
+    return 1 - np.linalg.norm(points, axis=1)
+
+
+def grid(function=ball_void, **fields):
+    fields = {"name": "void", "material": "glass", "lower": (-1.2,) * 3, "upper": (1.2,) * 3, "spacing": 0.1, **fields}
+    return Sdf.from_function(function=function, **fields)
+
+
+def test_a_grid_knows_the_distances_that_it_was_made_from():
+    """Linear interpolation of a surface of curvature 1/R errs by at most h^2/(4 R): here R > 0.4."""
+    points = np.random.default_rng(0).uniform(-1.2, 1.2, (500, 3))
+    points = points[np.linalg.norm(points, axis=1) > 0.6]
+    assert grid().signed_distance(points) == pytest.approx(ball_void(points), abs=0.1**2 / (4 * 0.4))
+
+
+def test_parts_of_a_grid_leave_the_void_of_all_of_them_with_a_sharp_corner():
+    floor, side = (lambda x: x[:, 2], lambda x: x[:, 0])
+    points = np.random.default_rng(0).uniform(-1.2, 1.2, (500, 3))
+    expected = np.minimum(points[:, 2], points[:, 0])
+    assert grid((floor, side)).signed_distance(points) == pytest.approx(expected, abs=1e-12)
+
+
+def test_beyond_a_grid_the_distance_at_its_nearest_point_counts():
+    wall = grid(lambda x: x[:, 2])
+    assert wall.signed_distance(np.array([[50, -50, 0.3], [0, 0, 50], [0, 0, -50]])) == pytest.approx([0.3, 1.2, -1.2])
+
+
+def test_the_surface_of_a_grid_is_closed_and_faces_the_void():
+    triangles = grid().triangulate()
+    normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / 2
+    assert np.abs(normal.sum(axis=0)).max() < 1e-12
+    assert (normal * triangles.mean(axis=1)).sum(axis=1).max() < 0
+    assert np.linalg.norm(normal, axis=1).sum() == pytest.approx(4 * np.pi, rel=5e-3)
+
+
+def test_a_function_that_is_no_distance_is_refused():
+    with pytest.raises(ValueError, match=r"void are no distances: they change by 0\.2 m between two nodes"):
+        grid(lambda x: 2 * x[:, 0])
+
+
+@pytest.mark.parametrize("shape", [(5, 5), (2, 5, 5), (0, 3, 3, 3)])
+def test_a_grid_of_another_shape_is_refused(shape):
+    with pytest.raises(ValueError, match=r"values must have shape \(nx, ny, nz\)"):
+        Sdf(name="void", material="glass", values=np.zeros(shape), origin=(0, 0, 0), spacing=0.1)

@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.walls.records import MANTLE, Feature, WallOptions, Walls
+from dembench.solver.walls.records import GRID, MANTLE, Feature, WallOptions, Walls
 
 
 @wp.func
@@ -45,6 +45,30 @@ def mantle_distance(f: Feature, x: wp.vec3d):
     return distance, normal
 
 
+@wp.func
+def grid_distance(f: Feature, nodes: wp.array(dtype=wp.vec4d), x: wp.vec3d):
+    """Signed distance on a grid, linear along each axis between the nodes; the normal is that of the gradient.
+
+    The gradient is interpolated from the nodes: that of the interpolated distance would jump from cell to cell. Where
+    it vanishes, at equal distances from several sides, there is no normal. Outside the grid the nearest point counts.
+    """
+    zero = wp.float64(0.0)
+    p = (x - f.point) / f.length
+    for axis in range(3):
+        p[axis] = wp.clamp(p[axis], zero, wp.float64(f.size[axis] - 1))
+    cell = wp.vec3i(
+        wp.min(int(p[0]), f.size[0] - 2), wp.min(int(p[1]), f.size[1] - 2), wp.min(int(p[2]), f.size[2] - 2)
+    )
+    u, v, w = p[0] - wp.float64(cell[0]), p[1] - wp.float64(cell[1]), p[2] - wp.float64(cell[2])
+    k = f.first + (cell[0] * f.size[1] + cell[1]) * f.size[2] + cell[2]
+    row, layer = f.size[2], f.size[1] * f.size[2]
+    low = wp.lerp(wp.lerp(nodes[k], nodes[k + 1], w), wp.lerp(nodes[k + row], nodes[k + row + 1], w), v)
+    k = k + layer
+    high = wp.lerp(wp.lerp(nodes[k], nodes[k + 1], w), wp.lerp(nodes[k + row], nodes[k + row + 1], w), v)
+    found = wp.lerp(low, high, u)
+    return found[3], wp.normalize(wp.vec3d(found[0], found[1], found[2]))
+
+
 @cache
 def wall_functions(o: WallOptions) -> Any:
     """Warp functions `distance`, `velocity` and `spin` of a feature.
@@ -52,7 +76,7 @@ def wall_functions(o: WallOptions) -> Any:
     distance(walls, k, first, x) -> (distance, unit normal into the void) of feature k; `first` is where the poses of
     the thread begin. velocity(walls, k, first, x) is that of the surface at x, spin(walls, k, first) its rotation.
     """
-    curved, timed, moving = o.curved, o.timed, o.moving
+    curved, grids, timed, moving = o.curved, o.grids, o.timed, o.moving
 
     @wp.func
     def at_rest(walls: Walls, k: int, x: wp.vec3d):
@@ -61,6 +85,9 @@ def wall_functions(o: WallOptions) -> Any:
         if wp.static(curved):
             if walls.features[k].shape == wp.static(MANTLE):
                 d, n = mantle_distance(walls.features[k], x)
+        if wp.static(grids):
+            if walls.features[k].shape == wp.static(GRID):
+                d, n = grid_distance(walls.features[k], walls.nodes, x)
         return d, n
 
     @wp.func

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dembench.scene import Box, Cylinder, Mesh, Plane, Scene
+from dembench.scene import Box, Cylinder, Mesh, Plane, Scene, Sdf
 from dembench.solver.units import Units
 from dembench.solver.walls.motion import Motions, place_all
-from dembench.solver.walls.records import MANTLE, PLANE, Feature, Pose, WallMotion, WallOptions, Walls
+from dembench.solver.walls.records import GRID, MANTLE, PLANE, Feature, Pose, WallMotion, WallOptions, Walls
 
 
 def unsupported_walls(scene: Scene) -> list[str]:
@@ -35,9 +35,11 @@ class WallSet:
         self._units, self._threads, self._device = units, threads, device
         self.motions = Motions(scene)
         materials = wall_materials(scene)
-        features, self.owners = [], []
+        features: list[Any] = []
+        nodes: list[np.ndarray] = []
+        self.owners = []
         for wall in scene.walls:
-            for parts in _features(wall):
+            for parts in _grids(wall, units, nodes) if isinstance(wall, Sdf) else _features(wall):
                 feature = Feature()
                 feature.kind, feature.motion = materials.index(wall.material), self.motions.of(wall)
                 for name, value in parts.items():
@@ -51,6 +53,7 @@ class WallSet:
         self.options = WallOptions(
             present=bool(features),
             curved=any(f.shape == MANTLE for f in features),
+            grids=bool(nodes),
             moving=bool(self.motions.found),
             timed=self.motions.timed,
         )
@@ -58,6 +61,7 @@ class WallSet:
         self.record.features = self._array(Feature, features)
         self.record.motions = self._array(WallMotion, self.motions.records(units))
         self.record.poses = wp.zeros(max(1, threads * len(self.motions.found)), dtype=Pose, device=device)
+        self.record.nodes = self._array(wp.vec4d, np.concatenate(nodes) if nodes else [])
         self.place(0.0)
 
     def place(self, time: float) -> None:
@@ -74,8 +78,8 @@ class WallSet:
         """Bound of the speed at which walls pass points between low and high [scene units]."""
         return self.motions.largest_speed(self._units, time, low, high)
 
-    def _array(self, record: Any, values: list[Any]) -> wp.array:
-        if values:
+    def _array(self, record: Any, values: Any) -> wp.array:
+        if len(values):
             return wp.array(values, dtype=record, device=self._device)
         return wp.zeros(0, dtype=record, device=self._device)
 
@@ -113,6 +117,17 @@ def _features(wall: Any) -> list[dict[str, Any]]:
         found.append(_plane(start, axis))
     if wall.closed_end:
         found.append(_plane(end, -axis))
+    return found
+
+
+def _grids(wall: Sdf, units: Units, nodes: list[np.ndarray]) -> list[dict[str, Any]]:
+    """One feature for each part of a wall; the rows of its nodes are appended to those that are there already."""
+    found = []
+    for values in wall.values:
+        gradient = np.gradient(values, wall.spacing, edge_order=2)
+        feature = {"shape": GRID, "point": wall.origin, "length": wall.spacing, "first": sum(map(len, nodes))}
+        found.append({**feature, "size": wp.vec3i(*values.shape)})
+        nodes.append(np.stack([*gradient, values / units.length], axis=-1).reshape(-1, 4))
     return found
 
 

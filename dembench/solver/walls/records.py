@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import warp as wp
 
-PLANE, MANTLE = 0, 1
+PLANE, MANTLE, GRID = 0, 1, 2
 """Shapes of features."""
 
 
@@ -17,12 +17,14 @@ class WallOptions:
     Attributes:
         present: There are walls.
         curved: Some wall is a mantle of revolution.
+        grids: Some wall is a signed distance on a grid.
         moving: The surface of some wall moves.
         timed: Some wall changes its place or its speed with time, so that poses are evaluated in every step.
     """
 
     present: bool = False
     curved: bool = False
+    grids: bool = False
     moving: bool = False
     timed: bool = False
 
@@ -33,7 +35,8 @@ class Feature:
 
     shape: see above; kind: index of the material among those of walls; motion: index of the motion, -1 at rest.
     point, axis: a point and the normal of a plane, or start and direction of the axis of a mantle, with its length,
-    the radii of its ends, and whether the void is outside.
+    the radii of its ends, and whether the void is outside. A grid: its first node, the distance `length` between nodes,
+    the nodes per axis, and where they begin among all nodes.
     """
 
     shape: wp.int32
@@ -45,6 +48,8 @@ class Feature:
     length: wp.float64
     r0: wp.float64
     r1: wp.float64
+    first: wp.int32
+    size: wp.vec3i
 
 
 @wp.struct
@@ -76,8 +81,12 @@ class Pose:
 
 @wp.struct
 class Walls:
-    """All walls: features, motions, and the poses, of which every thread has `motions` of its own."""
+    """All walls: features, motions, and the poses, of which every thread has as many as there are motions.
+
+    nodes: gradient (0-2) and signed distance (3) at the nodes of all grids, the last axis fastest.
+    """
 
     features: wp.array(dtype=Feature)
     motions: wp.array(dtype=WallMotion)
     poses: wp.array(dtype=Pose)
+    nodes: wp.array(dtype=wp.vec4d)
