@@ -37,7 +37,8 @@ class FullState(State):
 
     def __init__(self, scene: Scene, units: Units, precision: str, device: str):
         self.device = wp.get_device(device)
-        self.friction = features(scene).friction
+        has = features(scene)
+        self.friction = has.friction or has.rolling_friction
         self.generation = 0
         self.big_skin = 0.0
         super().__init__(scene, units, precision, threads=1)

@@ -176,7 +176,7 @@ def contact_force(options: LawOptions) -> Any:
             if spring2 > bound * bound:
                 xi = xi * (bound / wp.sqrt(spring2))
                 ft = -kt * xi
-            else:
+            elif bound > real(0.0):
                 ft = -kt * xi - eta_t * vt
                 if wp.static(midpoint):
                     ft = -(kt * xi + eta_t * vt) / (real(1.0) + real(7.0) * eta_t * dt / (real(4.0) * c.m))
