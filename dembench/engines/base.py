@@ -224,7 +224,7 @@ class Engine(ABC):
     def read(self, scene: Scene, settings: Any, directory: Path) -> Series:
         """Reads what the engine has written so far into the directory."""
 
-    def law(self, scene: Scene) -> str:
+    def law(self, scene: Scene, settings: Any) -> str:
         """Contact law that the engine computes for a scene, in a few words; empty where it is the scene's own law."""
         return ""
 

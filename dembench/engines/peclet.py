@@ -7,29 +7,46 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe, Series
 from dembench.engines.in_tree import probe_solver, read_series, write_deck
 from dembench.scene import Rigid, Scene
 
-PARTICLE_STEPS_PER_SECOND = 5e5
-"""Throughput of one core on which run-time estimates are based."""
+PARTICLE_STEPS_PER_SECOND = {"compliant": 2.5e6, "rigid": 5e5}
+"""Throughput of one core on which run-time estimates are based; of compliant rows that of substeps."""
+USUAL_SUBSTEPS = 5
+"""Substeps of a step with compliant rows on which run-time estimates are based."""
 
 
 class PecletSettings(EngineSettings):
     """Settings of a peclet run.
 
     Attributes:
-        rows: Kind of contact rows; `rigid`: no stiffness, Newton restitution, Coulomb friction.
-        velocity_sweeps, position_sweeps: Largest number of sweeps of each kind per step.
+        rows: Kind of contact rows; `compliant`: the scene's soft-sphere law, implicit in substeps; `rigid`: no
+            stiffness, restitution and friction of the pair laws. By default `rigid` for a rigid law, else `compliant`.
+        substeps: Substeps of a step with compliant rows; None takes as many as the stiffest contact of a step needs.
+        velocity_sweeps: Sweeps over compliant rows in a substep, by default 1; largest number of sweeps over rigid rows
+            in a step, by default 8.
+        position_sweeps: Largest number of position sweeps in a step with rigid rows, by default 12.
         arithmetic: Precision of impulses; positions and velocities are float64 always.
     """
 
-    rows: Literal["rigid"] = "rigid"
-    velocity_sweeps: Annotated[int, Field(ge=1)] = 8
-    position_sweeps: Annotated[int, Field(ge=0)] = 12
+    rows: Literal["compliant", "rigid"] = "compliant"
+    substeps: Annotated[int, Field(ge=1)] | None = None
+    velocity_sweeps: Annotated[int, Field(ge=1)]
+    position_sweeps: Annotated[int, Field(ge=0)]
     arithmetic: Literal["float32", "float64"] = "float32"
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sweeps(cls, values: dict[str, Any]) -> dict[str, Any]:
+        usual = {"velocity_sweeps": 1, "position_sweeps": 0}
+        if values.get("rows") == "rigid":
+            usual = {"velocity_sweeps": 8, "position_sweeps": 12}
+            if values.get("substeps") is not None:
+                raise ValueError("rigid rows have no substeps")
+        return {**usual, **values}
 
     def precision(self) -> str:
         """See `EngineSettings.precision`."""
@@ -37,10 +54,10 @@ class PecletSettings(EngineSettings):
 
 
 class Peclet(Engine):
-    """Rigid spheres by velocity-level impulses on NVIDIA Warp."""
+    """Spheres by velocity-level impulses on NVIDIA Warp, with compliant or rigid contacts."""
 
     name: ClassVar[str] = "peclet"
-    title: ClassVar[str] = "peclet, impulses (rigid contacts)"
+    title: ClassVar[str] = "peclet, impulses"
     colour: ClassVar[str] = "#2a78d6"
     settings_type: ClassVar[type[EngineSettings]] = PecletSettings
 
@@ -50,12 +67,15 @@ class Peclet(Engine):
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
-        from dembench.solver.impulse.stepper import unsupported
+        from dembench.solver.impulse import compliant_stepper, stepper
 
-        return unsupported(scene)
+        return (stepper if isinstance(scene.law, Rigid) else compliant_stepper).unsupported(scene)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
-        """In both divisions a body moves at most d/8 in a step, d the smallest diameter; dt <= 0.007 sqrt(d/g)."""
+        """In both divisions a body moves at most d/8 in a step, d the smallest diameter; dt <= 0.007 sqrt(d/g).
+
+        The rows follow the scene's law.
+        """
         diameter = 2 * float(scene.radii().min())
         limits = [scene.duration]
         speed = float(np.linalg.norm(scene.bodies.velocity, axis=1).max(initial=0))
@@ -64,7 +84,7 @@ class Peclet(Engine):
         gravity = math.hypot(*scene.gravity)
         if gravity:
             limits.append(0.007 * math.sqrt(diameter / gravity))
-        return {"dt": min(limits)}
+        return {"dt": min(limits), "rows": "rigid" if isinstance(scene.law, Rigid) else "compliant"}
 
     def write(self, scene: Scene, settings: PecletSettings, directory: Path) -> list[Phase]:
         """See `Engine.write`."""
@@ -74,13 +94,18 @@ class Peclet(Engine):
         """See `Engine.read`."""
         return read_series(scene, settings, directory)
 
-    def law(self, scene: Scene) -> str:
-        """See `Engine.law`."""
-        return "" if isinstance(scene.law, Rigid) else "rigid contacts with Newton restitution and Coulomb friction"
+    def law(self, scene: Scene, settings: PecletSettings) -> str:
+        """See `Engine.law`; compliant rows converge to the scene's law."""
+        if settings.rows == "compliant" or isinstance(scene.law, Rigid):
+            return ""
+        return "rigid contacts with restitution and Coulomb friction"
 
     def estimate(self, scene: Scene, settings: PecletSettings) -> float:
         """See `Engine.estimate`."""
-        return 10 + scene.duration / settings.dt * max(len(scene.bodies), 100) / PARTICLE_STEPS_PER_SECOND
+        steps = scene.duration / settings.dt
+        if settings.rows == "compliant":
+            steps *= settings.substeps or USUAL_SUBSTEPS
+        return 10 + steps * max(len(scene.bodies), 100) / PARTICLE_STEPS_PER_SECOND[settings.rows]
 
     def simulation(self, scene: Scene, settings: dict[str, Any]) -> Any:
         """The simulation that the child process steps."""
@@ -92,6 +117,8 @@ class Peclet(Engine):
             s.dt,
             precision=s.arithmetic,
             method="impulse",
+            rows=s.rows,
+            substeps=s.substeps,
             velocity_sweeps=s.velocity_sweeps,
             position_sweeps=s.position_sweeps,
         )

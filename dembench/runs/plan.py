@@ -205,7 +205,7 @@ def _planned(
         bodies=len(scene.bodies),
         duration=scene.duration,
         cores=cores,
-        law=engine.law(scene),
+        law=engine.law(scene, settings),
         precision=settings.precision(),
         device=settings.device(),
         timeout=timeout,

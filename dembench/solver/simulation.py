@@ -17,7 +17,8 @@ from dembench.solver.export import write_csv, write_vtkhdf
 from dembench.solver.full import FullSpheres, check_device
 from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError, check_step
-from dembench.solver.impulse import stepper as impulse
+from dembench.solver.impulse import compliant_stepper as compliant
+from dembench.solver.impulse import stepper as rigid
 from dembench.solver.saving import read_state, restore, write_state
 from dembench.solver.state import State
 from dembench.solver.units import scene_units
@@ -33,9 +34,14 @@ class Simulation:
         precision: "float32" (positions and velocities are float64 all the same) or "float64" throughout.
         midpoint: Dashpots use the mean velocity of the step, which allows a larger step.
         allow_unstable: Accept a step beyond the stability guard; `warnings` then says so.
-        method: "soft-sphere" (the scene's Hertz-Mindlin law) or "impulse" (rigid contacts with the restitution and
-            friction of the pair laws); None takes "impulse" where the scene's law is rigid, else "soft-sphere".
-        velocity_sweeps, position_sweeps: Largest number of sweeps per step of the impulse solver.
+        method: "soft-sphere" (the scene's Hertz-Mindlin law, explicit) or "impulse"; None takes "impulse" where the
+            scene's law is rigid, else "soft-sphere".
+        rows: Contacts of the impulse solver: "compliant" (the scene's soft-sphere law, implicit) or "rigid" (the
+            restitution and friction of the pair laws); None takes "rigid" for a rigid law, else "compliant".
+        substeps: Substeps of a step with compliant rows; None takes as many as the stiffest contact of the step needs.
+        velocity_sweeps: Sweeps over compliant rows in a substep, 1 where None; largest number of sweeps over rigid rows
+            in a step, 8 where None.
+        position_sweeps: Largest number of position sweeps in a step with rigid rows.
         device: "cpu", or a CUDA device such as "cuda:0" for the soft-sphere solver.
         lists: Neighbour lists of the soft-sphere solver: "half" (threads of the CPU) or "full" (CUDA devices; also runs
             on the CPU, with one thread). None takes what the device needs.
@@ -60,35 +66,44 @@ class Simulation:
         midpoint: bool = False,
         allow_unstable: bool = False,
         method: str | None = None,
-        velocity_sweeps: int = 8,
+        rows: Literal["compliant", "rigid"] | None = None,
+        substeps: int | None = None,
+        velocity_sweeps: int | None = None,
         position_sweeps: int = 12,
         device: str = "cpu",
         lists: Literal["half", "full"] | None = None,
     ):
         settings = {name: value for name, value in locals().items() if name not in ("self", "scene")}
         method = method or ("impulse" if isinstance(scene.law, Rigid) else "soft-sphere")
-        solvers = {"soft-sphere": soft.unsupported, "impulse": impulse.unsupported}
-        if method not in solvers:
-            raise SolverError(f"method '{method}' is not known; accepted are {', '.join(solvers)}")
-        faults = solvers[method](scene)
+        rows = rows or ("rigid" if isinstance(scene.law, Rigid) else "compliant")
+        _known("method", method, ("soft-sphere", "impulse"))
+        _known("rows", rows, ("compliant", "rigid"))
+        if method == "impulse":
+            faults = (rigid if rows == "rigid" else compliant).unsupported(scene)
+        else:
+            faults = soft.unsupported(scene)
         if faults:
             raise SolverError(f"the {method} solver cannot do: " + "; ".join(faults))
         self.scene, self.dt = scene, dt or scene.closed_step()
         self.settings = {**settings, "dt": self.dt}
         self.steps = 0
         self.units = scene_units(scene)
-        rigid = method == "impulse"
-        self.warnings = [] if rigid else check_step(scene, self.dt, allow_unstable)
+        self.warnings = [] if method == "impulse" else check_step(scene, self.dt, allow_unstable)
         lists = lists or ("half" if device == "cpu" else "full")
         check_device(device, lists, method)
         self.state: State
-        self._stepper: soft.SoftSpheres | FullSpheres | impulse.Impulses
+        self._stepper: soft.SoftSpheres | FullSpheres | rigid.Impulses | compliant.CompliantImpulses
         if lists == "full":
             self.state = state = FullState(scene, self.units, precision, device)
             self._stepper = FullSpheres(scene, state, self.dt, precision, midpoint)
-        elif rigid:
+        elif method == "impulse":
             self.state = State(scene, self.units, precision, 1)
-            self._stepper = impulse.Impulses(scene, self.state, self.dt, precision, velocity_sweeps, position_sweeps)
+            if rows == "rigid":
+                sweeps = (velocity_sweeps or 8, position_sweeps)
+                self._stepper = rigid.Impulses(scene, self.state, self.dt, precision, *sweeps)
+            else:
+                sweep = velocity_sweeps or 1
+                self._stepper = compliant.CompliantImpulses(scene, self.state, self.dt, precision, substeps, sweep)
         else:
             self.state = State(scene, self.units, precision, threads)
             self._stepper = soft.SoftSpheres(scene, self.state, self.dt, precision, midpoint)
@@ -275,3 +290,9 @@ class Simulation:
         if self._changed:
             self._changed = False
             self._stepper.prepare(self.steps)
+
+
+def _known(field: str, value: str, accepted: tuple[str, ...]) -> None:
+    """SolverError where a value is none of the accepted ones."""
+    if value not in accepted:
+        raise SolverError(f"{field} '{value}' is not known; accepted are {', '.join(accepted)}")

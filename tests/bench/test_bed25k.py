@@ -42,9 +42,10 @@ def hit(published: Scene) -> Scene:
     [
         ({"threads": 1}, 200),
         ({"threads": 2}, 200),
-        ({"method": "impulse", "dt": 5e-5}, 5),
+        ({"method": "impulse", "rows": "rigid", "dt": 5e-5}, 5),
+        ({"method": "impulse", "rows": "compliant", "substeps": 1, "dt": 6.25e-6}, 40),
     ],
-    ids=["soft-spheres, one thread", "soft-spheres, two threads", "impulses"],
+    ids=["soft-spheres, one thread", "soft-spheres, two threads", "rigid rows", "compliant rows, one substep"],
 )
 def test_throughput(benchmark, hit, options, steps):
     simulation = Simulation(hit, **options)
@@ -54,9 +55,10 @@ def test_throughput(benchmark, hit, options, steps):
     assert np.isfinite(simulation.position).all()
 
 
-def test_impulses_follow_the_published_descent(published):
+@pytest.mark.parametrize("rows", ["rigid", "compliant"])
+def test_impulses_follow_the_published_descent(published, rows):
     # codes that start from this file: -0.124 m at 25 ms and -0.130 m at 27 ms; free fall would be -0.1281 and -0.1386
-    simulation = Simulation(published, dt=5e-5, method="impulse")
+    simulation = Simulation(published, dt=5e-5, method="impulse", rows=rows)
     for moment, expected in ((0.025, -0.1239), (0.027, -0.1304)):
         simulation.step(round(moment / 5e-5) - simulation.steps)
         assert simulation.position[-1, 2] - 0.06 == pytest.approx(expected, abs=2e-3)

@@ -16,7 +16,7 @@ GRAVITY = (0, 0, -9.81)
 
 
 def rigid(scene: Scene, dt: float = DT, **options: Any) -> Simulation:
-    return Simulation(scene, dt, method="impulse", **options)
+    return Simulation(scene, dt, method="impulse", rows="rigid", **options)
 
 
 @pytest.mark.parametrize("gravity", [(0, 0, 0), GRAVITY])

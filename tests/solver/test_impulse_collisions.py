@@ -36,7 +36,7 @@ def test_oblique_impact_is_waltons(partner: str, tangential: float, beta: float,
             pair_laws=(law,),
             gravity=gravity,
         )
-    simulation = Simulation(scene, DT, method="impulse")
+    simulation = Simulation(scene, DT, method="impulse", rows="rigid")
     simulation.step()
     approach = 1.0 + (fall * DT if partner == "wall" else 0)
     impulse = share * min(mu * (1 + e) * approach, 2 / 7 * (1 + beta) * tangential)
@@ -57,7 +57,7 @@ def test_w11_d31_as_many_balls_leave_a_cradle_as_come_in(moving: int, gap: float
     v = np.zeros((5, 3))
     v[:moving, 0] = 1.0
     scene = grains(np.stack([x, 0 * x, 0 * x], axis=1), v, restitution=1.0, gravity=(0, 0, -fall))
-    simulation = Simulation(scene, DT, method="impulse")
+    simulation = Simulation(scene, DT, method="impulse", rows="rigid")
     simulation.step(10)
     expected = np.zeros(5)
     expected[5 - moving :] = 1.0
@@ -74,7 +74,7 @@ def test_d12_a_plastic_grain_stays_where_it_lands() -> None:
         restitution=0.0,
         gravity=(0, 0, -9.81),
     )
-    simulation = Simulation(scene, DT, method="impulse")
+    simulation = Simulation(scene, DT, method="impulse", rows="rigid")
     for _ in range(200):
         simulation.step()
         assert simulation.velocity[:, 2].max() < 0.04 * 9.81 * DT
@@ -88,7 +88,7 @@ def test_d21_grains_on_one_point_part(count: int) -> None:
     ends = []
     for _ in range(2):
         scene = grains(np.full((count, 3), 0.1))
-        simulation = Simulation(scene, DT, method="impulse", position_sweeps=100)
+        simulation = Simulation(scene, DT, method="impulse", rows="rigid", position_sweeps=100)
         simulation.step(100)
         ends.append(simulation.position)
         assert np.abs(simulation.velocity).max() < 1e-9

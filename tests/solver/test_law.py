@@ -225,7 +225,7 @@ def test_every_pair_of_materials_has_its_own_law(method: str) -> None:
         pair_laws=tuple(PairLaw(a=a, b=b, restitution=e, friction=0.2) for (a, b), e in restitution.items()),
         walls=(FLOOR.model_copy(update={"material": "rubber"}),),
     )
-    simulation = Simulation(scene, 1e-7 if method == "soft-sphere" else 1e-5, method=method)
+    simulation = Simulation(scene, 1e-7 if method == "soft-sphere" else 1e-5, method=method, rows="rigid")
     simulation.step(12000 if method == "soft-sphere" else 120)
     v = simulation.velocity[:, 2]
     measured = [*(v[3:6] - v[:3]) / 0.5, *v[6:] / 0.5]

@@ -14,7 +14,8 @@ from dembench.solver import Simulation
 DRIVERS: dict[str, dict[str, Any]] = {
     "half": {},
     "full": {"lists": "full"},
-    "impulse": {"method": "impulse"},
+    "rigid": {"method": "impulse", "rows": "rigid"},
+    "compliant": {"method": "impulse", "substeps": 1},
 }
 
 

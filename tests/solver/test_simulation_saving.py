@@ -52,9 +52,10 @@ def bits(simulation: Simulation) -> list[bytes]:
         {"method": "soft-sphere", "dt": 1e-6},
         {"method": "soft-sphere", "dt": 1e-6, "threads": 2},
         {"method": "soft-sphere", "dt": 1e-6, "lists": "full"},
-        {"method": "impulse", "dt": 1e-5},
+        {"method": "impulse", "rows": "rigid", "dt": 1e-5},
+        {"method": "impulse", "rows": "compliant", "dt": 5e-5},
     ],
-    ids=["soft", "two-threads", "full", "impulse"],
+    ids=["soft", "two-threads", "full", "rigid", "compliant"],
 )
 def test_a_resumed_run_gives_the_same_bits(settings: dict[str, Any], tmp_path: Path) -> None:
     simulation = Simulation(shaken(), **settings)

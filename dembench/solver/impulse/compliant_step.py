@@ -1,0 +1,334 @@
+"""The compliant step on the CPU: one serial launch carries the simulation through many steps and their substeps."""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.impulse.compliant_rows import (
+    CompliantOptions,
+    compliant_access,
+    compliant_types,
+    opening_functions,
+)
+from dembench.solver.impulse.compliant_substeps import stiffness_functions
+from dembench.solver.impulse.compliant_sweep import sweep_function
+from dembench.solver.neighbours import near_functions
+from dembench.solver.pairs import pair_lookup
+from dembench.solver.types import types, vec8d
+from dembench.solver.walls.motion import place
+from dembench.solver.walls.records import Walls
+
+DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW, ROW_OVERFLOW = 0, 1, 2, 3, 4
+"""Why a launch came back."""
+FLAGS, TRAVEL = 12, 10
+"""Lengths of `state` and `travel`."""
+
+
+@cache
+def compliant_kernel(o: CompliantOptions) -> Any:
+    """The kernel that makes up to `steps` steps, of which the scene has made `first`.
+
+    Each substep: rows from the near pairs, the candidates of large bodies and the walls; their first impulses; sweeps;
+    drift with the new velocities (symplectic). `substeps` is the number of substeps of a step, 0 where `limit`, the
+    largest h omega, decides. A launch may come back within a step, with `state[5]` substeps to go, and goes on there;
+    where the lists were built anew, what is left of the step is divided anew.
+
+    `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last substep, 5 substeps left, 6 direction of
+    the next sweep, 7 substeps made in this step, 8 fewest and 9 most substeps of a step,
+    10 and 11 first rows of large bodies and of walls.
+
+    `travel` (float64): 0 since the lists were built, 1 since the near pairs were picked, 2 of large and small bodies
+    since the candidates were listed, 3 largest overlap, 4 gap up to which pairs count as near and 5 bodies as
+    candidates, 6 substep, 7 that of the last substep made, 8 substeps made in all, 9 travel of the fastest small body
+    in a substep.
+    """
+    t = types(o.law.precision)
+    real, vec4, vec8 = t.real, t.vec4, t.vec8
+    Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
+    Rows = compliant_types(o.law.precision)
+    native = compliant_access(o.law.precision)
+    kin, change_of, set_change = native.kin, native.change_of, native.set_change
+    opening, stiffness, sweep = opening_functions(o), stiffness_functions(o), sweep_function(o)
+    open_pairs, open_bigs, open_walls = opening.pairs, opening.bigs, opening.walls
+    stiff_pairs, stiff_bigs, stiff_walls = stiffness.pairs, stiffness.bigs, stiffness.walls
+    frequency = stiffness.frequency
+    near = near_functions(o.law.precision)
+    pick_near, pick_big = near.pick_near, near.pick_big
+    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
+    present, timed = o.walls.present, o.walls.timed
+    bigs, friction, shared = o.bigs, o.law.friction, o.shared
+
+    @wp.func
+    def begin(b: Bodies, rows: Rows, i: int, fall: vec4):
+        """A body's change of velocity in a substep starts with that by gravity."""
+        m = b.inv_m[i]
+        f = vec4()
+        if m > real(0.0):
+            f = fall
+        z = real(0.0)
+        set_change(rows, i, vec8(f[0], f[1], f[2], m, z, z, z, b.inv_i[i]))
+
+    @wp.func
+    def drift(b: Bodies, rows: Rows, i: int, h: wp.float64, fall: vec4, finer: wp.vec3d):
+        """Takes the change of velocity from the rows and moves the body; returns the squared speed.
+
+        `finer` is the part of gravity that single precision leaves out of `fall`.
+        """
+        k, u = kin(b, i), change_of(rows, i)
+        v = wp.vec3d(k[3] + wp.float64(u[0]), k[4] + wp.float64(u[1]), k[5] + wp.float64(u[2]))
+        z = real(0.0)
+        f = vec4()
+        if u[3] > z:
+            v = v + finer
+            f = fall
+        b.kin[i] = vec8d(k[0] + h * v[0], k[1] + h * v[1], k[2] + h * v[2], v[0], v[1], v[2], k[6], k[7])
+        if wp.static(friction):
+            b.spin[i] = b.spin[i] + vec4(u[4], u[5], u[6], z)
+        set_change(rows, i, vec8(f[0], f[1], f[2], u[3], z, z, z, u[7]))
+        return wp.dot(v, v)
+
+    @wp.func
+    def speed2(b: Bodies, first: int, last: int):
+        fastest = wp.float64(0.0)
+        for i in range(first, last):
+            k = kin(b, i)
+            fastest = wp.max(fastest, k[3] * k[3] + k[4] * k[4] + k[5] * k[5])
+        return fastest
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def advance(
+        # inputs
+        steps: int,
+        substeps: int,
+        sweeps: int,
+        limit: wp.float64,
+        first: wp.float64,
+        dt: wp.float64,
+        gravity: wp.vec3d,
+        n: int,
+        total: int,
+        walls: Walls,
+        wall_speed: wp.float64,
+        pair_table: wp.array(dtype=PairClass),
+        pair_columns: int,
+        wall_table: wp.array(dtype=PairClass),
+        wall_columns: int,
+        skin: wp.float64,
+        near_skin: wp.float64,
+        big_skin: wp.float64,
+        big_capacity: int,
+        row_capacity: int,
+        pair_count: wp.array(dtype=wp.int32),
+        wall_count: wp.array(dtype=wp.int32),
+        # outputs
+        b: Bodies,
+        lists: Lists,
+        rows: Rows,
+        near_count: wp.array(dtype=wp.int32),
+        state: wp.array(dtype=wp.int32),
+        travel: wp.array(dtype=wp.float64),
+    ):
+        zero, two, eight = wp.float64(0.0), wp.float64(2.0), wp.float64(8.0)
+        weight = wp.length(gravity)
+        one = PairClass()
+        if wp.static(shared):
+            if n > 0:
+                one = of_pair(b, 0, 0, pair_table, pair_columns)
+        since_build, since_near, since_big = wp.float64(travel[0]), wp.float64(travel[1]), wp.float64(travel[2])
+        h, made = wp.float64(travel[6]), wp.float64(travel[7])
+        left = int(state[5])
+        done, reason, going = int(0), int(DONE), int(1)
+        fresh = int(1)
+        fall, finer = vec4(), wp.vec3d()
+        fastest = wp.sqrt(speed2(b, 0, n))
+        fastest_big = wp.sqrt(speed2(b, n, total))
+        while going == 1 and (done < steps or left > 0):
+            if left == 0 or fresh == 1:
+                ahead = wp.float64(left) * h
+                if left == 0:
+                    ahead = dt
+                    state[7] = 0
+                if substeps > 0:
+                    if left == 0:
+                        left = substeps
+                else:
+                    gain = ahead * weight
+                    look = ahead * (fastest + gain)
+                    if wp.static(timed):
+                        place(walls, 0, dt * wp.float64(first + wp.float64(done + 1)) - ahead, zero)
+                    near_only = int(0)
+                    listed = int(pair_count[0])
+                    if since_near >= zero and two * (since_near + look) <= travel[4]:
+                        near_only = 1
+                        listed = near_count[0]
+                    power = stiff_pairs(b, lists, listed, near_only, one, pair_table, pair_columns, ahead, two * look)
+                    if wp.static(bigs):
+                        look_big = look + ahead * (fastest_big + gain)
+                        if since_big < zero or since_big + look_big > travel[5]:
+                            travel[5] = wp.max(big_skin, two * look_big)
+                            near_count[2] = pick_big(b, lists, n, total, travel[5], big_capacity)
+                            since_big = wp.float64(0.0)
+                        if near_count[2] > big_capacity:
+                            reason = int(BIG_OVERFLOW)
+                            going = 0
+                        else:
+                            power = wp.max(
+                                power,
+                                stiff_bigs(b, lists, near_count[2], pair_table, pair_columns, ahead, look_big),
+                            )
+                    if wp.static(present):
+                        power = wp.max(
+                            power,
+                            stiff_walls(b, lists, wall_count[0], walls, wall_table, wall_columns, ahead, gain),
+                        )
+                    if going == 1:
+                        left = wp.max(int(wp.ceil(ahead * frequency(power) / limit)), 1)
+                if going == 1:
+                    h = ahead / wp.float64(left)
+                    f = h * gravity
+                    fall = vec4(real(f[0]), real(f[1]), real(f[2]), real(0.0))
+                    finer = f - wp.vec3d(wp.float64(fall[0]), wp.float64(fall[1]), wp.float64(fall[2]))
+                    for i in range(total):
+                        begin(b, rows, i, fall)
+                    rows.u[total] = vec8()
+                    fresh = 0
+            reach = h * (fastest + h * weight)
+            if wp.static(timed):
+                reach = wp.max(reach, h * wall_speed)
+            if going == 1 and (since_near < zero or two * (since_near + reach) > travel[4]):
+                wanted = wp.min(wp.max(near_skin, eight * reach), skin - two * since_build)
+                if wanted < two * reach:
+                    reason = int(REBUILD)
+                    going = 0
+                else:
+                    travel[4] = wanted
+                    near_count[0] = pick_near(b, lists, 0, pair_count[0], wanted)
+                    since_near = wp.float64(0.0)
+            if wp.static(bigs):
+                reach_big = reach + h * (fastest_big + h * weight)
+                if going == 1 and (since_big < zero or since_big + reach_big > travel[5]):
+                    travel[5] = wp.max(big_skin, two * reach_big)
+                    near_count[2] = pick_big(b, lists, n, total, travel[5], big_capacity)
+                    since_big = wp.float64(0.0)
+                if going == 1 and near_count[2] > big_capacity:
+                    reason = int(BIG_OVERFLOW)
+                    going = 0
+            candidates = near_count[0] + wall_count[0]
+            if wp.static(bigs):
+                candidates += near_count[2]
+            if going == 1 and candidates > row_capacity:
+                reason = int(ROW_OVERFLOW)
+                going = 0
+            travel[9] = reach
+            if going == 1:
+                now = dt * (first + wp.float64(done + 1)) - wp.float64(left) * h
+                if wp.static(timed):
+                    # the mean velocity over the substep, so that a gap closes where the wall will be
+                    place(walls, 0, now, now + wp.float64(0.5) * h)
+                step, grown = real(h), real(made)
+                big, overlap = open_pairs(
+                    b, lists, near_count[0], one, pair_table, pair_columns, step, grown, two * reach, rows
+                )
+                common = int(0)
+                if wp.static(shared):
+                    common = big + 0
+                wall = big + 0
+                if wp.static(bigs):
+                    wall, overlap_big = open_bigs(
+                        b,
+                        lists,
+                        near_count[2],
+                        n,
+                        total,
+                        pair_table,
+                        pair_columns,
+                        step,
+                        grown,
+                        rows,
+                        big,
+                        common,
+                    )
+                    overlap = wp.max(overlap, overlap_big)
+                travel[3] = wp.max(travel[3], wp.float64(overlap))
+                count = wall + 0
+                if wp.static(present):
+                    count = open_walls(
+                        b,
+                        lists,
+                        wall_count[0],
+                        walls,
+                        total,
+                        wall_table,
+                        wall_columns,
+                        step,
+                        grown,
+                        real(h * weight),
+                        rows,
+                        wall,
+                        common,
+                    )
+                for s in range(sweeps):
+                    last = int(0)
+                    if s == sweeps - 1:
+                        last = 1
+                    sweep(
+                        rows,
+                        count,
+                        common,
+                        big,
+                        wall,
+                        one,
+                        step,
+                        (state[6] + s) % 2,
+                        last,
+                        lists.memory,
+                        lists.big_memory,
+                        lists.wall_memory,
+                    )
+                fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
+                for i in range(n):
+                    speed = drift(b, rows, i, h, fall, finer)
+                    fastest = wp.max(fastest, speed)
+                    check += speed
+                for i in range(n, total):
+                    speed = drift(b, rows, i, h, fall, finer)
+                    fastest_big = wp.max(fastest_big, speed)
+                    check += speed
+                fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
+                moved = h * fastest
+                if wp.static(timed):
+                    moved = wp.max(moved, h * wall_speed)
+                since_build += moved
+                since_near += moved
+                if wp.static(bigs):
+                    since_big += moved + h * fastest_big
+                made = h
+                left -= 1
+                state[4] = count
+                state[10] = big
+                state[11] = wall
+                state[6] = 1 - state[6]
+                state[7] = state[7] + 1
+                travel[8] = travel[8] + wp.float64(1.0)
+                if left == 0:
+                    done += 1
+                    if state[8] == 0 or state[7] < state[8]:
+                        state[8] = state[7]
+                    state[9] = wp.max(state[9], state[7])
+                if not wp.isfinite(check):
+                    reason = int(NOT_FINITE)
+                    going = 0
+        if wp.static(timed):
+            now = dt * (first + wp.float64(done))
+            place(walls, 0, now, now)
+        travel[0] = since_build
+        travel[1] = since_near
+        travel[2] = since_big
+        travel[6] = h
+        travel[7] = made
+        state[2] = done
+        state[3] = reason
+        state[5] = left
+
+    return advance

@@ -1,0 +1,143 @@
+"""The stepper of compliant rows: the soft-sphere law in an impulse solver, launched for many steps at a time."""
+
+from __future__ import annotations
+
+import warp as wp
+
+from dembench.scene import HertzMindlin, Scene, features
+from dembench.solver.guard import SolverError
+from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types
+from dembench.solver.impulse.compliant_step import (
+    BIG_OVERFLOW,
+    FLAGS,
+    NOT_FINITE,
+    REBUILD,
+    ROW_OVERFLOW,
+    TRAVEL,
+    compliant_kernel,
+)
+from dembench.solver.laws import LawOptions
+from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.soft import unsupported_features
+from dembench.solver.state import State
+from dembench.solver.walls.features import unsupported_walls
+
+SUBSTEP = 0.9
+"""Largest substep times the frequency of the stiffest contact."""
+SKIN, SKIN_SUBSTEPS, SKIN_LIMIT = 0.2, 24, 0.5
+"""Gap up to which pairs are listed: at least SKIN smallest diameters; room for SKIN_SUBSTEPS substeps of the fastest
+body, but not more than SKIN_LIMIT diameters for it: long lists cost more memory than rebuilds time."""
+NEAR_SKIN = 0.03
+"""Gap up to which listed pairs are tested in every substep: at least this, in smallest diameters."""
+BIG_SKIN = 0.5
+"""Gap up to which bodies are candidates of a large body: at least this, in smallest diameters."""
+
+
+class CompliantImpulses:
+    """Steps a state with the Hertz-Mindlin law in implicit rows, several substeps per step.
+
+    Args:
+        scene: Its law and pair laws.
+        state: With one part; the sweeps are serial.
+        dt: Time step [s].
+        precision: "float32" or "float64".
+        substeps: Substeps per step; None chooses them from the stiffest contact of each step.
+        sweeps: Sweeps per substep.
+    """
+
+    def __init__(self, scene: Scene, state: State, dt: float, precision: str, substeps: int | None, sweeps: int):
+        has = features(scene)
+        self.state, self.dt = state, dt / state.units.time
+        self.substeps, self.sweeps = substeps or 0, sweeps
+        options = CompliantOptions(
+            law=LawOptions(precision, has.friction, getattr(scene.law, "variant", "") == "rescaled"),
+            pairs=lookup_mode(scene),
+            alike=state.alike(),
+            walls=state.walls.options,
+            bigs=state.big_rows > 0,
+        )
+        self.kernels = [compliant_kernel(options)]
+        self._shared = options.shared
+        self._rows = compliant_types(precision)()
+        self._tables = PairTables(scene, state.units, precision)
+        self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
+        self._flags = wp.zeros(FLAGS, dtype=wp.int32, device="cpu")
+        self._travel = wp.zeros(TRAVEL, dtype=wp.float64, device="cpu")
+        self._steps = 0
+        self._allocate(64)
+
+    def prepare(self, first: int = 0) -> None:
+        """Builds the lists of the state after `first` steps; springs grow again from the next substep on."""
+        self._rebuild(first * self.dt)
+        self._travel.numpy()[7] = 0.0
+
+    def advance(self, n: int, first: int) -> int:
+        """Makes up to n steps beyond the `first` that are made; returns how many.
+
+        Raises:
+            SolverError: A velocity is not finite.
+        """
+        s, t, d = self.state, self._tables, self.state.diameter
+        inputs = [n, self.substeps, self.sweeps, SUBSTEP, float(first), self.dt, self._gravity, s.n, s.total]
+        inputs += [s.walls.record, s.wall_speed, t.pairs, t.pair_columns, t.walls, t.wall_columns]
+        inputs += [s.skin, NEAR_SKIN * d, BIG_SKIN * d, s.big_capacity, len(self._rows.i), s.pair_count, s.wall_count]
+        outputs = [s.bodies, s.lists, self._rows, s.near_count, self._flags, self._travel]
+        wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
+        flags, travel = self._flags.numpy(), self._travel.numpy()
+        done, reason, left = int(flags[2]), int(flags[3]), int(flags[5])
+        self._steps += done
+        if reason == NOT_FINITE:
+            raise SolverError("a velocity is not finite", reason="nan")
+        if reason == REBUILD:
+            into = self.dt - left * travel[6] if left else 0.0
+            self._rebuild((first + done) * self.dt + into)
+        elif reason == BIG_OVERFLOW:
+            s.grow_big()
+            travel[2] = -1.0
+        elif reason == ROW_OVERFLOW:
+            self._allocate(int(1.2 * self._candidates()) + 64)
+        return done
+
+    def largest_overlap(self) -> float:
+        """Largest overlap at the start of a substep [scene units]."""
+        return float(self._travel.numpy()[3])
+
+    def counters(self) -> dict[str, float]:
+        """Rows of the last substep; fewest, mean and most substeps of a step."""
+        flags, travel = self._flags.numpy(), self._travel.numpy()
+        return {
+            "rows": int(flags[4]),
+            "fewest substeps of a step": int(flags[8]),
+            "mean substeps of a step": float(travel[8]) / max(1, self._steps),
+            "most substeps of a step": int(flags[9]),
+        }
+
+    def _candidates(self) -> int:
+        s = self.state
+        near = s.near_count.numpy()
+        return int(near[0]) + int(s.wall_count.numpy()[0]) + (int(near[2]) if s.big_rows else 0)
+
+    def _rebuild(self, time: float) -> None:
+        """Lists with room for the next substeps at the present speeds, at a time [scene units]."""
+        s, travel = self.state, self._travel.numpy()
+        reach = float(travel[9])
+        s.skin = max(SKIN * s.diameter, min(SKIN_SUBSTEPS * reach, SKIN_LIMIT * s.diameter), 4 * reach)
+        s.place_walls(time)
+        s.rebuild()
+        travel[:3] = 0.0, -1.0, -1.0
+
+    def _allocate(self, n: int) -> None:
+        """Room for n rows."""
+        s, rows, vec8 = self.state, self._rows, self.state.types.vec8
+        for name, kind in (("i", wp.int32), ("j", wp.int32), ("slot", wp.int32), ("a", vec8), ("b", vec8)):
+            setattr(rows, name, wp.zeros(n, dtype=kind, device="cpu"))
+        rows.c = wp.zeros(n, dtype=s.types.PairClass, device="cpu")
+        rows.u = wp.zeros(s.total + 1, dtype=vec8, device="cpu")
+
+
+def unsupported(scene: Scene) -> list[str]:
+    """What of a scene compliant rows cannot do, one line each."""
+    found = unsupported_walls(scene) + unsupported_features(scene)
+    if not isinstance(scene.law, HertzMindlin):
+        found.append(f"contact law {scene.law.kind}: compliant rows need a stiffness")
+    return found

@@ -1,0 +1,186 @@
+"""Gauss-Seidel over compliant rows: the force of each row is solved together with the velocities that it leaves.
+
+With the overlap d at the start of a substep h and the separation speed v at the end of the visit:
+
+    normal      Fn = F(d - theta h v) - (c - theta k h)+ v,    F(d) = kn d^(3/2),   theta = c/(k h) within [1/2, 1]
+    tangential  Ft = -(kt xi + max(ct, kt h/2) vt)
+    sliding     |kt (xi + h vt)| > mu |Fn|: Ft = mu |Fn| along that spring, no dashpot
+
+k = dF/dd, kt and the dashpots c and ct of the law (`laws.py`) are taken at the overlap d - h v/2 that the row meets
+with. A spring taken at d - theta h v damps like a dashpot theta k h: with theta = c/(k h) that is the dashpot of the
+law, and the binary restitution stays that of the law up to h omega = 1; the floor of 1/2 keeps the energy from growing
+in larger steps. The tangential rule is the same for a linear spring: both parts add up to the larger dashpot.
+
+For h -> 0 all this is the soft-sphere law. Implicit contact forces in this form: theta scheme, Hairer & Wanner 1996.
+"""
+
+from functools import cache
+from typing import Any
+
+import warp as wp
+
+from dembench.solver.impulse.compliant_rows import (
+    AHEAD,
+    CompliantOptions,
+    compliant_access,
+    compliant_types,
+    impulse_function,
+)
+from dembench.solver.types import types
+
+NEWTON = wp.constant(2)
+"""Newton iterations of the normal force in a visit."""
+FLOOR = wp.constant(0.5)
+"""Least implicitness theta."""
+
+
+@cache
+def visit_function(o: CompliantOptions) -> Any:
+    """One visit of a row as a Warp function (a, b, ui, uj, c, h) -> (impulse, n x change, change, spring, touches).
+
+    a, b, ui, uj: see `compliant_types`; c: constants of the pair; h: substep. The impulse is on i, change what it has
+    gained, spring what it leaves: together with the sliding until the end of the substep it is the spring of then.
+    """
+    t = types(o.law.precision)
+    real, vec3, vec8, PairClass = t.real, t.vec3, t.vec8, t.PairClass
+    friction = o.law.friction
+
+    @wp.func
+    def visit(a: vec8, b: vec8, ui: vec8, uj: vec8, c: PairClass, h: real):
+        zero, half = real(0.0), real(0.5)
+        n = vec3(a[0], a[1], a[2])
+        overlap, ai, aj = a[3], a[7], b[3]
+        old = vec3(b[4], b[5], b[6])
+        g = vec3(a[4] + ui[0] - uj[0], a[5] + ui[1] - uj[1], a[6] + ui[2] - uj[2])
+        if wp.static(friction):
+            s = vec3(ai * ui[4] + aj * uj[4], ai * ui[5] + aj * uj[5], ai * ui[6] + aj * uj[6])
+            g = g + wp.cross(n, s)
+        vn = wp.dot(g, n)
+        w = ui[3] + uj[3]
+        normal_old = wp.dot(old, n)
+        free = vn - w * normal_old
+
+        met = wp.max(overlap - half * h * vn, zero)
+        root = wp.sqrt(met)
+        quarter = wp.sqrt(root)
+        kh = real(1.5) * c.kn * root * h
+        dashpot = c.dn * quarter
+        theta = real(1.0)
+        if dashpot < kh:
+            theta = wp.max(dashpot / kh, real(FLOOR))
+        rest = wp.max(dashpot - kh, zero)
+        v = vn + zero
+        force = real(0.0)
+        for _k in range(wp.static(NEWTON)):
+            d = wp.max(overlap - theta * h * v, zero)
+            r = wp.sqrt(d)
+            slope = real(1.5) * c.kn * r * theta * h + rest
+            value = c.kn * d * r - rest * v
+            step = (free + w * h * value - v) / (real(1.0) + w * h * slope)
+            force = value - slope * step
+            v = v + step
+        normal = h * force
+        p = normal * n
+        xi = vec3()
+        if wp.static(friction):
+            xi = vec3(b[0], b[1], b[2])
+            lt = old - normal_old * n
+            wt = w + ai * ai * ui[7] + aj * aj * uj[7]
+            slip = g - vn * n - wt * lt
+            kt = c.kt * root
+            resist = wp.max(c.dt * quarter, half * kt * h)
+            lt = (kt * xi + resist * slip) * (-h / (real(1.0) + h * resist * wt))
+            end = xi + h * (slip + wt * lt)
+            stretched = kt * wp.length(end)
+            bound = c.mu * wp.abs(force)
+            if stretched > bound:
+                share = bound / stretched
+                lt = end * (-h * kt * share)
+                xi = end * share - h * (slip + wt * lt)
+            p = p + lt
+        change = p - old
+        touches = real(0.0)
+        if met > zero:
+            touches = real(1.0)
+        return p, wp.cross(n, change), change, xi, touches
+
+    return visit
+
+
+@cache
+def sweep_function(o: CompliantOptions) -> Any:
+    """A Warp function (rows, count, common, ..., memories) that visits every row once, forwards or backwards.
+
+    The first `common` rows share the constants `one`; `big` and `wall` are the first rows of large bodies and of walls.
+    In the last sweep of a substep the springs are remembered.
+    """
+    t = types(o.law.precision)
+    real, vec4, vec8, PairClass = t.real, t.vec4, t.vec8, t.PairClass
+    Rows = compliant_types(o.law.precision)
+    native = compliant_access(o.law.precision)
+    entry, change_of, set_change = native.entry, native.change_of, native.set_change
+    geometry_of, impulse_of, set_impulse, set_memory = (
+        native.geometry_of,
+        native.impulse_of,
+        native.set_impulse,
+        native.set_memory,
+    )
+    ask_change = native.ask_change
+    visit, after = visit_function(o), impulse_function(o.law.precision)
+    shared = o.shared
+
+    @wp.func
+    def sweep(
+        rows: Rows,
+        count: int,
+        common: int,
+        big: int,
+        wall: int,
+        one: PairClass,
+        h: real,
+        reverse: int,
+        last: int,
+        memory: wp.array(dtype=vec4),
+        big_memory: wp.array(dtype=vec4),
+        wall_memory: wp.array(dtype=vec4),
+    ):
+        current = int(-1)
+        ui = vec8()
+        for q in range(count):
+            r = q
+            ahead = wp.min(q + AHEAD, count - 1)
+            if reverse == 1:
+                r = count - 1 - q
+                ahead = count - 1 - ahead
+            ask_change(rows, entry(rows.j, ahead))
+            i, j = entry(rows.i, r), entry(rows.j, r)
+            if i != current:
+                if current >= 0:
+                    set_change(rows, current, ui)
+                current = i + 0
+                ui = change_of(rows, i)
+            uj = change_of(rows, j)
+            a, b = geometry_of(rows, r), impulse_of(rows, r)
+            c = one
+            if wp.static(shared):
+                if r >= common:
+                    c = rows.c[r - common]
+            else:
+                c = rows.c[r]
+            p, turn, change, xi, touches = visit(a, b, ui, uj, c, h)
+            ui = after(ui, change, turn, a[7])
+            set_change(rows, j, after(uj, -change, turn, b[3]))
+            set_impulse(rows, r, vec8(b[0], b[1], b[2], b[3], p[0], p[1], p[2], real(0.0)))
+            if last == 1:
+                kept = vec4(xi[0], xi[1], xi[2], touches)
+                slot = entry(rows.slot, r)
+                if r < big:
+                    set_memory(memory, slot, kept)
+                elif r < wall:
+                    set_memory(big_memory, slot, kept)
+                else:
+                    set_memory(wall_memory, slot, kept)
+        if current >= 0:
+            set_change(rows, current, ui)
+
+    return sweep
