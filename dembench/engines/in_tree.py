@@ -1,9 +1,9 @@
 """The in-tree solver as a program: `python -m dembench.engines.in_tree DECK` simulates the scene of a deck.
 
 The deck holds `scene.json`, `settings.json` and, where there are many bodies, `scene.npz`. The program writes
-`frames/<step>.npy` (position, velocity, angular velocity: n x 9 float64), `tracks.csv`, `clock.csv` (step, simulated
-and wall time at every record) and at the end `timing.json`; on failure `failure.json`. A frame has its final name only
-when it is complete.
+`frames/<step>.npy` (id, position, velocity, angular velocity: n x 10 float64), `tracks.csv`, `clock.csv` (step,
+simulated and wall time at every record) and at the end `timing.json`; on failure `failure.json`. A frame has its final
+name only when it is complete.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def _frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:
 
 def _load_frame(step: int, moment: float, path: Path) -> Frame:
     table = np.load(path)
-    return Frame(step, moment, np.arange(len(table)), table[:, 0:3], table[:, 3:6], table[:, 6:9])
+    return Frame(step, moment, table[:, 0].astype(int), table[:, 1:4], table[:, 4:7], table[:, 7:10])
 
 
 def read_series(scene: Scene, settings: EngineSettings, directory: Path) -> Series:
@@ -123,7 +123,8 @@ class _Recorder:
 
     def frame(self, step: int, simulation: Any) -> np.ndarray:
         begin = time.perf_counter()
-        table = np.hstack([simulation.position, simulation.velocity, simulation.angular_velocity])
+        columns = [simulation.ids[:, None], simulation.position, simulation.velocity, simulation.angular_velocity]
+        table = np.hstack(columns)
         path = self.directory / FRAMES / f"{step}.npy"
         with open(path.with_suffix(".tmp"), "wb") as stream:
             np.save(stream, table)
@@ -133,7 +134,8 @@ class _Recorder:
 
     def track(self, step: int, moment: float, simulation: Any) -> None:
         begin = time.perf_counter()
-        state = np.hstack([simulation.position[self.bodies], simulation.velocity[self.bodies]]).ravel()
+        rows = np.searchsorted(simulation.ids, self.bodies)
+        state = np.hstack([simulation.position[rows], simulation.velocity[rows]]).ravel()
         self._append("tracks.csv", [step, moment, *state])
         self.seconds += time.perf_counter() - begin
 
@@ -190,13 +192,16 @@ def _loop(scene: Scene, dt: float, simulation: Any, recorder: _Recorder) -> floa
         loop += time.perf_counter() - begin
         now = step
         moment = frames.get(step, tracks.get(step, scene.duration))
+        left = np.setdiff1d(scene.tracked_bodies(), simulation.ids)
+        if len(left):
+            raise SolverError(f"tracked body {left[0]} is gone by t = {moment:g} s", reason="lost particles")
         if step in tracks:
             recorder.track(step, moment, simulation)
         if step in frames:
-            position = recorder.frame(step, simulation)[:, :3]
-            lost = np.flatnonzero(((position < low) | (position > high)).any(axis=1))
+            table = recorder.frame(step, simulation)
+            lost = table[((table[:, 1:4] < low) | (table[:, 1:4] > high)).any(axis=1), 0]
             if len(lost):
-                text = f"{len(lost)} particles have left the domain by t = {moment:g} s, the first is {lost[0]}"
+                text = f"{len(lost)} particles have left the domain by t = {moment:g} s, the first is {lost[0]:.0f}"
                 raise SolverError(text, reason="lost particles")
         recorder.clock(step, moment)
     return loop

@@ -49,10 +49,9 @@ class FullState(State):
 
     # ---- allocation
 
-    def _allocate(self, n: int) -> None:
-        # the initial state is put together on the host
+    def allocate(self, n: int) -> None:
+        """See `State.allocate`; the initial state is put together on the host."""
         self.bodies, self.identity = self._bodies(n), self._ints(n)
-        self.big_rows = self.total - self.n
 
     def _lists(self, per_particle: int) -> None:
         del per_particle

@@ -19,6 +19,8 @@ from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError, check_step
 from dembench.solver.impulse import compliant_stepper as compliant
 from dembench.solver.impulse import stepper as rigid
+from dembench.solver.insertion import Newcomers
+from dembench.solver.population import drain, insert, remove
 from dembench.solver.saving import read_state, restore, write_state
 from dembench.solver.state import State
 from dembench.solver.units import scene_units
@@ -87,10 +89,14 @@ class Simulation:
         self.scene, self.dt = scene, dt or scene.closed_step()
         self.settings = {**settings, "dt": self.dt}
         self.steps = 0
+        # by id, of all bodies that are or were there
+        self._species, self._radii, self._masses = scene.bodies.species, scene.radii(), scene.masses()
         self.units = scene_units(scene)
         self.warnings = [] if method == "impulse" else check_step(scene, self.dt, allow_unstable)
         lists = lists or ("half" if device == "cpu" else "full")
         check_device(device, lists, method)
+        if lists == "full" and scene.sinks:
+            raise SolverError("full lists cannot do: sinks")
         self.state: State
         self._stepper: soft.SoftSpheres | FullSpheres | rigid.Impulses | compliant.CompliantImpulses
         if lists == "full":
@@ -133,6 +139,8 @@ class Simulation:
     def step(self, n: int = 1, progress: Callable[[int], None] | None = None) -> None:
         """Advances by n steps.
 
+        Bodies in a sink of the scene leave at the end, and on the way whenever the lists are rebuilt.
+
         Args:
             n: Number of steps.
             progress: Called with the number of steps made so far of the n, at least whenever the lists are rebuilt.
@@ -152,6 +160,9 @@ class Simulation:
             self.steps += done
             if progress is not None:
                 progress(made)
+        left, touched = drain(self.state)
+        if left:
+            self._relist(touched)
 
     @property
     def time(self) -> float:
@@ -160,23 +171,26 @@ class Simulation:
 
     @property
     def ids(self) -> np.ndarray:
-        """Ids of the bodies in the order of all arrays, shape (n,), ascending: indices into the scene's bodies."""
-        return np.arange(self.state.total)
+        """Ids of the bodies in the order of all arrays, ascending, shape (n,).
+
+        Bodies of the scene have their index there; later ones follow. An id is never given twice.
+        """
+        return self.state.ids()
 
     @property
     def species(self) -> np.ndarray:
         """Indices into the scene's species, shape (n,)."""
-        return self.scene.bodies.species[self.ids]
+        return self._species[self.ids]
 
     @property
     def radii(self) -> np.ndarray:
         """Radii [m], shape (n,)."""
-        return self.scene.radii()[self.ids]
+        return self._radii[self.ids]
 
     @property
     def masses(self) -> np.ndarray:
         """Masses [kg], shape (n,)."""
-        return self.scene.masses()[self.ids]
+        return self._masses[self.ids]
 
     @property
     def position(self) -> np.ndarray:
@@ -226,6 +240,10 @@ class Simulation:
             "list rebuilds": self.state.rebuilds,
             "bytes per particle": self.state.memory_bytes() / max(1, self.state.total),
             "largest overlap in any step [m]": self.largest_overlap(),
+            **{
+                f"left through {sink.name}": int(gone)
+                for sink, gone in zip(self.scene.sinks, self.state.drained, strict=True)
+            },
             **self._stepper.counters(),
         }
 
@@ -260,6 +278,54 @@ class Simulation:
         """
         write_vtkhdf(Path(path), self)
 
+    # ---- bodies that leave and come
+
+    def remove(self, ids: Any) -> None:
+        """Takes bodies out; the others go on with their ids and contacts.
+
+        Args:
+            ids: Ids of the bodies, shape (k,).
+
+        Raises:
+            SolverError: One of them is not there, or the lists are full.
+        """
+        self._can_change()
+        ids = np.atleast_1d(np.asarray(ids, dtype=np.int64))
+        missing = np.setdiff1d(ids, self.ids)
+        if len(missing):
+            raise SolverError(f"ids: there is no body {missing[0]}; there are {self.state.total} bodies, see `ids`")
+        if len(ids):
+            self._relist(remove(self.state, np.isin(self.state.identity.numpy()[: self.state.total], ids)))
+
+    def insert(
+        self, position: Any, velocity: Any = None, angular_velocity: Any = None, species: Any = 0, radius: Any = None
+    ) -> np.ndarray:
+        """Puts new bodies in and returns their ids, shape (k,).
+
+        Args:
+            position: Centres [m], shape (k, 3).
+            velocity, angular_velocity: [m/s], [rad/s], shape (k, 3); None means at rest.
+            species: Index into the scene's species, a number or shape (k,): one that bodies of the scene have.
+            radius: Radii [m], a number or shape (k,), where the scene gives radii by body; None means of the species.
+
+        Raises:
+            SolverError: A value is not accepted, or a body would overlap another or a wall at rest by more than 1 %.
+        """
+        self._can_change()
+        new = Newcomers(self, position, velocity, angular_velocity, species, radius)
+        ids = self.state.limit + np.arange(len(new.radii))
+        if len(ids):
+            self._species = np.concatenate([self._species, new.species])
+            self._radii, self._masses = np.append(self._radii, new.radii), np.append(self._masses, new.masses)
+            insert(self.state, new.columns(), ids)
+            self._changed = True
+        return ids
+
+    def _can_change(self) -> None:
+        if self.state.device != "cpu" or isinstance(self.state, FullState):
+            raise SolverError("bodies can leave and come with half lists only (lists='half')")
+        self._refresh()
+
     # ---- changes of the state
 
     def _write(
@@ -290,6 +356,13 @@ class Simulation:
         if self._changed:
             self._changed = False
             self._stepper.prepare(self.steps)
+
+    def _relist(self, forces: bool) -> None:
+        """Lists of a state whose bodies have changed, and where asked for the forces anew."""
+        if forces:
+            self._stepper.prepare(self.steps)
+        else:
+            self._stepper.relist(self.steps)
 
 
 def _known(field: str, value: str, accepted: tuple[str, ...]) -> None:

@@ -42,7 +42,7 @@ class SoftSpheres:
 
     def prepare(self, first: int = 0) -> None:
         """Builds the lists and evaluates the forces after `first` steps, without growth of the contact springs."""
-        self._rebuild(first)
+        self.relist(first)
         self.state.bodies.load.zero_()
         flags = self._flags.numpy()
         flags[4] = 1
@@ -64,7 +64,7 @@ class SoftSpheres:
         if reason == NOT_FINITE:
             raise SolverError("a velocity is not finite; the time step may be too large", reason="nan")
         if reason == REBUILD:
-            self._rebuild(first + done + 1)
+            self.relist(first + done + 1)
         elif reason == BIG_OVERFLOW:
             self._grow_big()
         elif reason == DONE and done == 0:
@@ -79,7 +79,8 @@ class SoftSpheres:
         """Figures of this stepper beside those of the state."""
         return {}
 
-    def _rebuild(self, steps: int) -> None:
+    def relist(self, steps: int) -> None:
+        """Builds the lists of the state after some steps."""
         self.state.place_walls(steps * self.dt)
         self.state.rebuild()
         self._travel.numpy()[:3] = 0.0, -1.0, -1.0
@@ -114,7 +115,7 @@ def unsupported(scene: Scene) -> list[str]:
 def unsupported_features(scene: Scene) -> list[str]:
     """Features that neither solver has, one line each."""
     has = features(scene)
-    names = {"sinks": "sinks", "periodic": "periodic domains", "shapes": "shapes"}
+    names = {"periodic": "periodic domains", "shapes": "shapes"}
     return [text for name, text in names.items() if getattr(has, name)]
 
 

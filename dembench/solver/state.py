@@ -11,6 +11,7 @@ import warp as wp
 from dembench.scene import Scene
 from dembench.solver.neighbours import list_kernels
 from dembench.solver.pairs import kinds
+from dembench.solver.population import drain
 from dembench.solver.types import types, vec8d
 from dembench.solver.units import Units
 from dembench.solver.walls.features import WallSet
@@ -26,6 +27,11 @@ class State:
 
     Attributes:
         n, total: Number of small particles, which are sorted, and of all; the large bodies stand behind them.
+        small_at_start: Ids of the small bodies of the scene.
+        limit: Above all ids of bodies that there are or were.
+        identity: Id of each body.
+        sinks: Regions where bodies leave [m].
+        drained: Number of bodies that each sink has taken.
         bodies, lists: The Warp records that kernels take.
         diameter: Smallest diameter [scene units].
         skin: Gap up to which pairs are listed [scene units]; set by the stepper before a rebuild.
@@ -44,17 +50,21 @@ class State:
         big = np.flatnonzero(radii > BIG_RATIO * np.median(radii)) if len(radii) else np.empty(0, int)
         if len(big) > BIG_LIMIT:
             big = np.empty(0, int)
-        self.total = len(radii)
+        self.total = self.limit = len(radii)
         self.n = self.total - len(big)
         self.identity_start = np.concatenate([np.setdiff1d(np.arange(self.total), big), big]).astype(np.int32)
+        self.small_at_start = self.identity_start[: self.n]
         self.parts = max(1, min(threads, self.n // 64))
         self.walls = WallSet(scene, units, self.parts, self.device)
         self.wall_speed = 0.0
         self.kernels = list_kernels(precision, self.walls.options)
         self.reach = 2 * float(radii[self.identity_start[: self.n]].max(initial=0.5))
+        self.sinks = [sink.region for sink in scene.sinks]
+        self.drained = np.zeros(len(self.sinks), dtype=np.int64)
         self.rebuilds = 0
         self._pool = ThreadPoolExecutor(self.parts) if self.parts > 1 else None
-        self._allocate(max(1, self.total))
+        self.allocate(max(1, self.total))
+        self.divide()
         self._fill(scene, radii)
         self._lists(5)
 
@@ -72,18 +82,20 @@ class State:
     def _ints(self, n: int) -> wp.array:
         return wp.zeros(max(1, n), dtype=wp.int32, device="cpu")
 
-    def _memory(self, n: int) -> wp.array:
+    def contact_memory(self, n: int) -> wp.array:
+        """Empty memory of n contacts."""
         return wp.zeros(max(1, n), dtype=self.types.vec4, device="cpu")
 
-    def _allocate(self, n: int) -> None:
+    def allocate(self, n: int) -> None:
+        """Empty arrays for n bodies."""
         self.bodies, self._spare = self._bodies(n), self._bodies(n)
         self.identity, self._identity_spare = self._ints(n), self._ints(n)
-        self.big_rows = self.total - self.n
-        self._big_spare = self._memory(self.big_rows * n)
+        self._big_spare = self.contact_memory((self.total - self.n) * n)
         self.cell, self.order, self.place, self.head = (self._ints(n) for _ in range(4))
-        self.pair_count = self._ints(2 * self.parts)
-        self.wall_count = self._ints(self.parts)
-        self.near_count = self._ints(2 * self.parts + 1)
+
+    def divide(self) -> None:
+        """Numbers that follow from those of the bodies: large ones, and the ranges of the threads."""
+        self.big_rows = self.total - self.n
         ranges = np.linspace(0, self.n, self.parts + 1).round().astype(np.int32)
         self.ranges_host = ranges
         self.ranges = wp.array(ranges, dtype=wp.int32, device="cpu")
@@ -98,14 +110,17 @@ class State:
         self._new_pairs(lists)
         self._new_walls(lists)
         lists.big_i, lists.big_j = self._ints(self.big_capacity), self._ints(self.big_capacity)
-        lists.big_memory = self._memory(self.big_rows * self.total)
+        lists.big_memory = self.contact_memory(self.big_rows * self.total)
         self._old = self.types.Lists()
         self._new_pairs(self._old)
         self._new_walls(self._old)
         for name in ("near", "big_i", "big_j"):
             setattr(self._old, name, self._ints(1))
-        self._old.big_memory = self._memory(1)
+        self._old.big_memory = self.contact_memory(1)
         self._follow = self._ints(len(lists.i))
+        self.pair_count = self._ints(2 * self.parts)
+        self.wall_count = self._ints(self.parts)
+        self.near_count = self._ints(2 * self.parts + 1)
 
     def _set_room(self, inside: int, across: int) -> None:
         """Where the regions of the pair lists begin: 2p with room for `inside`, 2p + 1 for `across` pairs."""
@@ -115,12 +130,12 @@ class State:
     def _new_pairs(self, lists: Any) -> None:
         pairs = int(self.base.numpy()[-1])
         lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
-        lists.memory = self._memory(pairs)
+        lists.memory = self.contact_memory(pairs)
 
     def _new_walls(self, lists: Any) -> None:
         candidates = self.parts * self.wall_capacity
         lists.wall_i, lists.wall_f = self._ints(candidates), self._ints(candidates)
-        lists.wall_memory = self._memory(candidates)
+        lists.wall_memory = self.contact_memory(candidates)
 
     def _fill(self, scene: Scene, radii: np.ndarray) -> None:
         """Puts the scene's initial state into the arrays."""
@@ -151,21 +166,33 @@ class State:
         self.write("kin", 3, velocity, u.velocity)
         self.write("spin", 0, spin, 1 / u.time)
 
-    # ---- state in and out, in the order of the scene
+    # ---- state in and out, bodies by ascending id
+
+    def ids(self) -> np.ndarray:
+        """Ids of the bodies, ascending, shape (total,)."""
+        return np.sort(self.identity.numpy()[: self.total])
 
     def write(self, name: str, first: int, values: np.ndarray, scale: float) -> None:
-        """Sets three columns of kin or spin from values in the scene's order and a unit, shape (n, 3)."""
+        """Sets three columns of kin or spin from values by ascending id and a unit, shape (total, 3)."""
         array = getattr(self.bodies, name)
         columns = array.numpy()
-        columns[: self.total, first : first + 3] = values[self.identity.numpy()[: self.total]] / scale
+        columns[: self.total, first : first + 3] = values[self.rank()] / scale
         array.assign(columns)
 
     def read(self, name: str, first: int, scale: float) -> np.ndarray:
-        """Three columns of kin, spin or load in the scene's order, times a unit, shape (n, 3), float64."""
+        """Three columns of kin, spin or load by ascending id, times a unit, shape (total, 3), float64."""
         out = np.empty((self.total, 3))
-        values = getattr(self.bodies, name).numpy()[: self.total, first : first + 3]
-        out[self.identity.numpy()[: self.total]] = values
+        out[self.rank()] = getattr(self.bodies, name).numpy()[: self.total, first : first + 3]
         return out * scale
+
+    def rank(self) -> np.ndarray:
+        """For each sorted body how many have a lower id, shape (total,)."""
+        ids = self.identity.numpy()[: self.total]
+        if self.total == self.limit:
+            return ids
+        there = np.zeros(self.limit, dtype=bool)
+        there[ids] = True
+        return (np.cumsum(there) - 1)[ids]
 
     def alike(self) -> bool:
         """Whether all small bodies are of one kind."""
@@ -174,8 +201,12 @@ class State:
     # ---- rebuild
 
     def rebuild(self) -> None:
-        """Sorts the small particles by cell and builds all lists anew; contact memory is carried over."""
+        """Sorts the small particles by cell and builds all lists anew; contact memory is carried over.
+
+        Bodies in a sink leave before.
+        """
         self.rebuilds += 1
+        drain(self)
         grid = self._sort()
         while True:
             self._build(grid)

@@ -14,10 +14,8 @@ from dembench.scene import (
     Mesh,
     Motion,
     PairLaw,
-    Region,
     Rigid,
     Scene,
-    Sink,
 )
 from dembench.solver import Simulation, SolverError
 from dembench.solver.impulse import stepper as impulse
@@ -95,7 +93,6 @@ LAW = {"a": "grain", "b": "grain", "restitution": 0.5, "friction": 0.3}
 BOTH = ["soft-sphere", "impulse"]
 MISSING = {
     "rolling friction": (["impulse"], {"pair_laws": (PairLaw(**LAW, rolling_friction=0.1),)}),
-    "sinks": (BOTH, {"sinks": (Sink(name="drain", region=Region(upper=(None, None, -1.0))),)}),
     "periodic domains": (BOTH, {"domain": Domain(lower=(-1,) * 3, upper=(1,) * 3, periodic=(True, False, False))}),
     "wall chute: triangle meshes": (BOTH, {"walls": (Mesh(name="chute", material="grain", triangles=TRIANGLES),)}),
     "contact law rigid": (["soft-sphere"], {"law": Rigid()}),

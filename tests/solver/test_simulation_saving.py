@@ -10,24 +10,23 @@ import pytest
 from grains import RADIUS, gas, grains
 
 import dembench
-from dembench.scene import Box, Cylinder, Motion, Scene
+from dembench.scene import Cylinder, Motion, Scene
 from dembench.solver import Simulation, SolverError
 
 
 def shaken(n: int = 200) -> Scene:
-    """Fast grains of two sizes with a ball among them, in a box around which a drum turns."""
+    """Fast grains of two sizes and a ball in a closed drum that turns."""
     position, velocity, spin = gas(n, speed=1.0, spacing=2.6)
-    low, high = position.min(axis=0) - 1.3 * RADIUS, position.max(axis=0) + 1.3 * RADIUS
-    ball = [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, high[2] + 6 * RADIUS]
-    box = Box(name="box", material="grain", lower=tuple(low), upper=(high[0], high[1], high[2] + 13 * RADIUS))
-    size = float(np.linalg.norm(high - low))
+    low, high = position.min(axis=0), position.max(axis=0)
+    middle = (low + high) / 2
+    ball = [middle[0], middle[1], high[2] + 7.2 * RADIUS]
     drum = Cylinder(
         name="drum",
         material="grain",
-        start=(ball[0], low[1] - size, ball[2]),
-        end=(ball[0], high[1] + size, ball[2]),
-        radius=0.62 * size,
-        motion=Motion(angular_velocity=(0, 100.0, 0), centre=tuple(ball)),
+        start=(middle[0], low[1] - 1.3 * RADIUS, middle[2]),
+        end=(middle[0], high[1] + 1.3 * RADIUS, middle[2]),
+        radius=ball[2] - middle[2] + 6.1 * RADIUS,
+        motion=Motion(angular_velocity=(0, 100.0, 0), centre=tuple(middle)),
     )
     return grains(
         [*position, ball],
@@ -36,7 +35,7 @@ def shaken(n: int = 200) -> Scene:
         radius=(RADIUS, 1.1 * RADIUS, 6 * RADIUS),
         species=[*(np.arange(n) % 2), 2],
         young=1e8,
-        walls=(box, drum),
+        walls=(drum,),
         gravity=(0, 0, -9.81),
     )
 
@@ -64,12 +63,12 @@ def test_a_resumed_run_gives_the_same_bits(settings: dict[str, Any], tmp_path: P
     resumed = Simulation.load(tmp_path / "state.npz")
     assert bits(resumed) == bits(simulation) and resumed.time == simulation.time
     for other in (simulation, resumed):
-        other.step(1000)
+        other.step(500)
     assert bits(resumed) == bits(simulation)
     assert resumed.counters() == simulation.counters()
-    assert simulation.counters()["list rebuilds"] > 5
+    assert simulation.counters()["list rebuilds"] > 3
     straight = Simulation(shaken(), **settings)
-    straight.step(1777)
+    straight.step(1277)
     assert bits(straight) == bits(simulation)
 
 

@@ -71,6 +71,10 @@ class CompliantImpulses:
         self._rebuild(first * self.dt)
         self._travel.numpy()[7] = 0.0
 
+    def relist(self, first: int) -> None:
+        """Builds the lists of the state after `first` steps."""
+        self._rebuild(first * self.dt)
+
     def advance(self, n: int, first: int) -> int:
         """Makes up to n steps beyond the `first` that are made; returns how many.
 
@@ -125,6 +129,8 @@ class CompliantImpulses:
         s.place_walls(time)
         s.rebuild()
         travel[:3] = 0.0, -1.0, -1.0
+        if len(self._rows.u) <= s.total:
+            self._allocate(len(self._rows.i))
 
     def _allocate(self, n: int) -> None:
         """Room for n rows."""

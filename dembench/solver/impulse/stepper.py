@@ -70,7 +70,7 @@ class Impulses:
 
     def prepare(self, first: int = 0) -> None:
         """Builds the lists of the state after `first` steps."""
-        self._rebuild(first)
+        self.relist(first)
 
     def advance(self, n: int, first: int) -> int:
         """Makes up to n steps beyond the `first` that are made; returns how many.
@@ -100,10 +100,10 @@ class Impulses:
         if reason == NOT_FINITE:
             raise SolverError("a velocity is not finite", reason="nan")
         if reason == REBUILD:
-            self._rebuild(first + done)
+            self.relist(first + done)
         elif reason == BIG_OVERFLOW:
             s.grow_big()
-            self._rebuild(first + done)
+            self.relist(first + done)
         return done
 
     def largest_overlap(self) -> float:
@@ -120,8 +120,8 @@ class Impulses:
             "position sweeps per step": int(flags[6]) / steps,
         }
 
-    def _rebuild(self, steps: int) -> None:
-        """Lists with room for the next steps at the present speeds; row arrays that hold every listed contact."""
+    def relist(self, steps: int) -> None:
+        """Builds the lists of the state after some steps, with room for the next ones, and rows for all of them."""
         s = self.state
         s.place_walls(steps * self.dt)
         speed = np.linalg.norm(s.bodies.kin.numpy()[: s.total, 3:6], axis=1)
@@ -135,7 +135,12 @@ class Impulses:
         self._travel.numpy()[[0, 1, 2]] = 0.0, -1.0, -1.0
         walls = int(s.wall_count.numpy()[0])
         contacts = int(s.pair_count.numpy()[0]) + walls + (s.big_capacity if s.big_rows else 0)
-        if self._rows.i is None or len(self._rows.i) < contacts or len(self._rows.u) < s.total + walls:
+        if (
+            self._rows.i is None
+            or len(self._rows.i) < contacts
+            or len(self._rows.u) < s.total + walls
+            or len(self._rows.x) < s.total
+        ):
             self._allocate(int(1.05 * contacts) + 64, int(1.2 * walls) + 64)
 
     def _allocate(self, n: int, walls: int) -> None:

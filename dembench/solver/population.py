@@ -1,0 +1,135 @@
+"""Bodies that leave and come during a run: the arrays and the lists of a state under a new numbering."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from dembench.solver.state import State
+
+GROWTH = 1.2
+"""Room for bodies after an insertion that needs more than there is, in bodies."""
+
+
+def drain(state: State) -> tuple[int, bool]:
+    """Takes the bodies in a sink out of a state, whose lists are then due for a rebuild.
+
+    Returns:
+        How many left, and whether one of them was in contact with a body that stays.
+    """
+    if not state.sinks:
+        return 0, False
+    leaves = np.zeros(state.total, dtype=bool)
+    position = state.bodies.kin.numpy()[: state.total, :3] * state.units.length
+    for k, region in enumerate(state.sinks):
+        inside = region.contains(position) & ~leaves
+        state.drained[k] += np.count_nonzero(inside)
+        leaves |= inside
+    return int(np.count_nonzero(leaves)), bool(leaves.any()) and remove(state, leaves)
+
+
+def remove(state: State, leaves: np.ndarray) -> bool:
+    """Takes bodies out of a state, whose lists are then due for a rebuild.
+
+    Args:
+        state: With half lists.
+        leaves: Which bodies of the sorted arrays leave, shape (total,), bool.
+
+    Returns:
+        Whether one of them was in contact with a body that stays.
+    """
+    source = np.flatnonzero(~leaves)
+    touched = any(
+        bool((memory[:, 3] != 0)[leaves[i] != leaves[j]].any()) for i, j, memory in (*_pairs(state), *_big_pairs(state))
+    )
+    renumber(state, source, int(np.count_nonzero(source < state.n)))
+    return touched
+
+
+def insert(state: State, values: dict[str, np.ndarray], ids: np.ndarray) -> None:
+    """Puts small bodies into a state, whose lists are then due for a rebuild.
+
+    Args:
+        state: With half lists.
+        values: Columns of the new bodies by name of the array in `Bodies`, shape (k, ...) in scene units.
+        ids: Their ids, shape (k,), above all ids that were ever given.
+    """
+    new = np.full(len(ids), -1)
+    first, last = state.n, state.n + len(ids)
+    renumber(state, np.concatenate([np.arange(first), new, np.arange(first, state.total)]), last)
+    for name, columns in values.items():
+        getattr(state.bodies, name).numpy()[first:last] = columns
+    state.identity.numpy()[first:last] = ids
+    state.limit = int(ids[-1]) + 1
+    state.reach = max(state.reach, 2 * float(values["kin"][:, 6].max()))
+
+
+def renumber(state: State, source: np.ndarray, small: int) -> None:
+    """Numbers the bodies anew: body k is that which was source[k], or a blank one where that is -1.
+
+    The contact memory of the pairs that stay moves along; the lists are then due for a rebuild.
+
+    Args:
+        state: With half lists.
+        source: Shape (new total,); the first `small` are small bodies, the others large ones.
+        small: Number of small bodies.
+    """
+    old_n, old_total, rows = state.n, state.total, state.big_rows
+    kept = source >= 0
+    place = np.full(old_total, -1, dtype=np.int32)
+    place[source[kept]] = np.flatnonzero(kept)
+    _renumber_lists(state, place)
+    columns = {name: getattr(state.bodies, name).numpy()[:old_total].copy() for name in state.bodies._cls.vars}
+    identity = state.identity.numpy()[:old_total].copy()
+    memory = state.lists.big_memory.numpy()[: rows * old_total].reshape(rows, old_total, 4)
+    total, bigs = len(source), source[small:] - old_n
+    moved = np.zeros((len(bigs), total, 4), dtype=memory.dtype)
+    moved[:, kept] = memory[bigs][:, source[kept]]
+    state.n, state.total = small, total
+    if total > len(state.identity) or len(bigs) * total > len(state.lists.big_memory):
+        room = int(GROWTH * total) + 64
+        state.allocate(room)
+        state.lists.big_memory = state.contact_memory(len(bigs) * room)
+    state.divide()
+    state.lists.big_memory.numpy()[: moved.size // 4] = moved.reshape(-1, 4)
+    for name, old in columns.items():
+        array = getattr(state.bodies, name).numpy()
+        array[:total][kept] = old[source[kept]]
+        array[:total][~kept] = 0
+    state.identity.numpy()[:total][kept] = identity[source[kept]]
+
+
+def _renumber_lists(state: State, place: np.ndarray) -> None:
+    for i, j, memory in _pairs(state):
+        new_i, new_j = place[i], place[j]
+        gone = (new_i < 0) | (new_j < 0)
+        memory[gone] = 0
+        i[:], j[:] = np.where(gone, 0, new_i), np.where(gone, 0, new_j)
+    for part, count in enumerate(state.wall_count.numpy()):
+        listed = slice(part * state.wall_capacity, part * state.wall_capacity + int(count))
+        body, memory = state.lists.wall_i.numpy()[listed], state.lists.wall_memory.numpy()[listed]
+        new = place[body]
+        memory[new < 0] = 0
+        body[:] = np.maximum(new, 0)
+
+
+def _pairs(state: State) -> list[tuple[Any, Any, Any]]:
+    """Bodies and memory of the listed pairs of small bodies, by region; views of the arrays of the state."""
+    base, lists = state.base.numpy(), state.lists
+    found = []
+    for region, count in enumerate(state.pair_count.numpy()):
+        listed = slice(int(base[region]), int(base[region]) + int(count))
+        found.append((lists.i.numpy()[listed], lists.j.numpy()[listed], lists.memory.numpy()[listed]))
+    return found
+
+
+def _big_pairs(state: State) -> list[tuple[Any, Any, Any]]:
+    """The same for all bodies with each large one."""
+    memory = state.lists.big_memory.numpy()
+    every = np.arange(state.total)
+    return [
+        (every, np.full(state.total, state.n + row), memory[row * state.total : (row + 1) * state.total])
+        for row in range(state.big_rows)
+    ]
