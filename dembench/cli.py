@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from dembench import __version__, campaign, console
+from dembench import __version__, campaign, console, recipes
 from dembench.campaign import Request
 from dembench.cases import registry as cases_registry
 from dembench.cases.base import CaseError
@@ -18,13 +18,14 @@ from dembench.engines import registry
 from dembench.engines.base import Probe, SettingsError
 from dembench.engines.registry import UnknownEngine
 from dembench.initial.cache import cache_directory
+from dembench.recipes import Recipe
 from dembench.results import ResultError, export_csv, export_vtkhdf, read
 from dembench.results import validate as validate_file
-from dembench.runs.directory import find_runs
+from dembench.runs.directory import RunRecord, find_runs
 from dembench.runs.environment import available_cores, machine
 from dembench.runs.plan import PlannedRun, RequestError, parse_engines, split_list
 from dembench.runs.scheduler import Job
-from dembench.runs.supervise import CHECKPOINT
+from dembench.runs.supervise import CHECKPOINT, command_line
 from dembench.scene import Scene, SceneError
 from dembench.verification import campaign as verification
 from dembench.verification import suites as suite_registry
@@ -178,6 +179,47 @@ def write(
     for phase in phases:
         variables = "".join(f"{key}={value} " for key, value in phase.environment.items())
         console.line(f"  {variables}{' '.join(phase.command)}")
+
+
+@app.command()
+def recipe(
+    what: Annotated[str, typer.Argument(metavar="NAME_OR_FILE", help="recipe that travels with dembench, or *.toml")],
+    preset: PresetName = None,
+    initial: Initial = None,
+    seeds: Annotated[str | None, typer.Option(help="seeds instead of the recipe's, as 1,2,3")] = None,
+    time: Time = None,
+    timeout: Annotated[str | None, typer.Option(help="time limit of each run instead of the recipe's")] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="runs at a time; they never share a core")] = 1,
+    out: Annotated[Path | None, typer.Option(help="directory of the runs and the page; default: runs/NAME")] = None,
+    fresh: Fresh = False,
+    json_: Json = False,
+) -> None:
+    """Carries out a campaign that a TOML file describes, and writes its page.
+
+    Exit code 0: every run came to its end, accurate or not; 1: one did not; 2: a usage error.
+    """
+    with _usage_errors():
+        file = recipes.find(what)
+        chosen, out = recipes.load(file), out or Path("runs") / file.stem
+        request = chosen.request(
+            out,
+            initial,
+            preset=preset,
+            seeds=campaign.whole_numbers(seeds) if seeds else None,
+            time=campaign.seconds(time) if time else None,
+            timeout=campaign.seconds(timeout) if timeout else None,
+        )
+        with console.bar(json_) as progress:
+            runs = campaign.planned(request, progress)
+    with console.Display(quiet=json_) as display:
+        done = campaign.carry_out(runs, at_once=jobs, fresh=fresh, show=display.update)
+    page = _write_recipe_page(chosen, runs, out / f"{file.stem}.html")
+    if json_:
+        _print_json({"runs": [_ended(job) for job in done], "report": str(page) if page else None})
+    elif page is not None:
+        console.line(str(page))
+    ended = all(job.status is not None and job.status.state in ("ok", "inaccurate") for job in done)
+    raise typer.Exit(0 if ended and page is not None else 1)
 
 
 @app.command()
@@ -396,6 +438,20 @@ def _write_suite_page(suite: Suite, runs: list[PlannedRun], rows: list[Row], out
 
     try:
         return render(suite, [r for run in runs if (r := verification.record(run))], rows, out / f"{suite.name}.html")
+    except Exception as error:
+        console.error(f"the page could not be written: {type(error).__name__}: {error}")
+        return None
+
+
+def _write_recipe_page(recipe: Recipe, runs: list[PlannedRun], output: Path) -> Path | None:
+    """Writes the page that a recipe asks for, about its own runs."""
+    from dembench.reports import report, study
+
+    records = [RunRecord(run.directory.path) for run in runs if run.directory.status() is not None]
+    try:
+        if recipe.page is None:
+            return report.render(records, output, recipe.title)
+        return study.render(recipe, recipe.page, records, output, command_line())
     except Exception as error:
         console.error(f"the page could not be written: {type(error).__name__}: {error}")
         return None

@@ -76,6 +76,7 @@ class Line:
         style: Which dash pattern, and beyond them which marker; 0 is a plain solid line.
         cut_short: Whether the run ended before its time; its last point is marked.
         points: Whether it is drawn as points, without a line between them.
+        names: Text beside each point; empty for none.
     """
 
     label: str
@@ -85,6 +86,7 @@ class Line:
     style: int = 0
     cut_short: bool = False
     points: bool = False
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -106,12 +108,14 @@ class Panel:
         label: Label of the vertical axis with its unit.
         lines, known: What is drawn.
         log_y: Whether the vertical axis is logarithmic; None leaves it to the range of the values.
+        title: Heading of the panel; empty for none.
     """
 
     label: str
     lines: tuple[Line, ...]
     known: tuple[Known, ...] = ()
     log_y: bool | None = None
+    title: str = ""
 
 
 @dataclass(frozen=True)
@@ -215,6 +219,8 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
     for line, linewidth in zip(panel.lines, widths, strict=True):
         y = np.where(line.y > 0, line.y, np.nan) if logarithmic else line.y
         ax.plot(line.x, y, color=line.colour, linewidth=linewidth, **_pattern(line, len(line.x)))
+        for name, x, value in zip(line.names, line.x, y, strict=False):
+            ax.annotate(name, (x, value), xytext=(4, 3), textcoords="offset points", fontsize=6.5)
         shown = np.flatnonzero(np.isfinite(y))
         if line.cut_short and len(shown):
             ax.plot(line.x[shown[-1]], y[shown[-1]], marker="x", color=line.colour, markersize=7, markeredgewidth=1.8)
@@ -236,10 +242,13 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
             margin = 0.01 * (max(ends) - min(ends))
             ax.set_xlim(min(ends) - margin, max(ends) + margin)
     ax.set_ylabel(panel.label)
+    if panel.title:
+        ax.set_title(panel.title)
 
 
 def _format_logarithmic(axis: Axis) -> None:
-    axis.set_major_locator(LogLocator(numticks=6))
+    low, high = axis.get_data_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 100 * low else (1.0, 2.0, 5.0), numticks=8))
     axis.set_major_formatter(FuncFormatter(_power))
     axis.set_minor_formatter(NullFormatter())
 

@@ -69,6 +69,10 @@ def _floor(result: Result) -> Mapping[str, float]:
     }
 
 
+def _sdf_floor(result: Result) -> Mapping[str, float]:
+    return {"SP2b": bounce(motion(result))}
+
+
 def _bed(result: Result) -> Mapping[str, float]:
     seen = motion(result)
     return {
@@ -120,9 +124,10 @@ def suite() -> Suite:
         experiments=(
             Experiment("sanity_collisions", "Pairs that meet", scenes.collisions, _collisions, _collision_checks()),
             Experiment("sanity_floor", "On a plane", scenes.floor, _floor, _floor_checks()),
+            Experiment("sanity_sdf_floor", "On a signed distance", scenes.sdf_floor, _sdf_floor, (_bounce_check("b"),)),
             Experiment("sanity_bed", "A bed of 40 layers", scenes.bed, _bed, _bed_checks()),
         ),
-        settings={"velocity_sweeps": "30", "position_sweeps": "10"},
+        settings={"dt": f"{scenes.DT:g}", "velocity_sweeps": "30", "position_sweeps": "10"},
     )
 
 

@@ -18,6 +18,7 @@ from dembench.scene import (
     Plane,
     Rigid,
     Scene,
+    Sdf,
     Snapshot,
     Species,
 )
@@ -77,6 +78,22 @@ def floor() -> Scene:
     times = [*_every(0.01, 4.0), *_every(0.1, duration), *_last(duration)]
     plane = Plane(name="floor", material="floor", point=(0, 0, 0), normal=(0, 0, 1))
     return _scene("sanity_floor", laws, bodies, walls=(plane,), duration=duration, times=times)
+
+
+def sdf_floor() -> Scene:
+    """The falling sphere above a floor that is given by its signed distance on a grid."""
+    wall = Sdf.from_function(
+        name="floor",
+        material="floor",
+        function=lambda points: points[:, 2],
+        lower=(-3, -3, -1),
+        upper=(3, 3, 3),
+        spacing=0.25,
+    )
+    bodies = Bodies(position=[[0, 0, DROP + RADIUS]])
+    duration = 4.0
+    laws = {"bouncing": (BOUNCE, 0.0)}
+    return _scene("sanity_sdf_floor", laws, bodies, walls=(wall,), duration=duration, times=_every(0.01, duration))
 
 
 def bed() -> Scene:

@@ -3,42 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from synthetic import STAND_INS, every_state
+from synthetic import every_state, registered
 
-from dembench.engines import registry
 from dembench.reports.report import render
 from dembench.runs.directory import find_runs
-
-
-@contextmanager
-def _registered() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registry, "BUILT_IN", dict(STAND_INS))
-        registry.engine.cache_clear()
-        yield
-    registry.engine.cache_clear()
 
 
 @pytest.fixture(autouse=True)
 def stand_ins() -> Iterator[None]:
     """Registers the stand-in engines, for the tests of this folder alone."""
-    with _registered():
+    with registered():
         yield
 
 
 @pytest.fixture(scope="session")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory with runs in every state."""
-    with _registered():
+    with registered():
         return every_state(tmp_path_factory.mktemp("campaign"))
 
 
 @pytest.fixture(scope="session")
 def page(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of these runs."""
-    with _registered():
+    with registered():
         return render(find_runs(runs), tmp_path_factory.mktemp("page") / "report.html")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import pytest
 
+from dembench.engines import registry
 from dembench.engines.base import Engine, EngineSettings
 from dembench.results import Observed, Result, channels, write
 from dembench.runs.directory import RunDirectory
@@ -74,6 +78,16 @@ class Gamma(_StandIn):
 
 
 STAND_INS = {c.name: f"{__name__}:{c.__name__}" for c in (Alpha, Beta, Gamma)}
+
+
+@contextmanager
+def registered() -> Iterator[None]:
+    """The stand-ins are the only engines within it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "BUILT_IN", dict(STAND_INS))
+        registry.engine.cache_clear()
+        yield
+    registry.engine.cache_clear()
 
 
 def impact(duration: float = 0.06) -> Scene:

@@ -1,0 +1,93 @@
+"""The page of a study, on made-up runs: means over seeds, differences from the references, failures as rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reading import Page
+from synthetic import add_run, impact, registered, series
+
+from dembench.recipes import Recipe, StudyPage
+from dembench.reports import study
+from dembench.runs.directory import find_runs
+
+RECIPE = Recipe(
+    title="A study",
+    text="What it is about.",
+    cases=("case3[bed=25k]",),
+    preset="published",
+    variants=(
+        {"engine": "beta", "title": "sweeps", "settings": {"sweeps": [8, 32]}},
+        {"engine": "gamma", "title": "substeps", "settings": {"substeps": [1, 2]}},
+    ),
+    references=({"engine": "alpha"},),
+)
+PAGE = StudyPage(
+    curves=("ball_displacement",),
+    start=0.02,
+    quantities=("deepest", "deepest_time", "speed_35ms", "energy_rise"),
+    errors=("deepest", "speed_35ms"),
+)
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    with registered():
+        return _page(tmp_path_factory.mktemp("study"))
+
+
+def _page(tmp_path: Path) -> Page:
+    scene = impact()
+    add_run(tmp_path, scene, "alpha", observables=series(scene, -0.1380, 2.4), loop=900.0)
+    add_run(tmp_path, scene, "beta", observables=series(scene, -0.1400, 1.0), loop=40.0, overrides={"sweeps": "8"})
+    add_run(tmp_path, scene, "beta", observables=series(scene, -0.1390, 1.4), loop=80.0, overrides={"sweeps": "32"})
+    add_run(tmp_path, scene, "gamma", observables=series(scene, -0.1382, 2.2), loop=60.0, overrides={"substeps": "1"})
+    add_run(tmp_path, scene, "gamma", "failed", reason="nan", detail="no number", overrides={"substeps": "2"})
+    page = study.render(RECIPE, PAGE, find_runs(tmp_path), tmp_path / "study.html", "dembench recipe a-study")
+    return Page(page.read_text())
+
+
+def test_every_variant_has_a_row_in_the_order_of_the_recipe(read: Page) -> None:
+    head, *rows = read.tables["scene1-variants"]
+    assert [row[0].value for row in rows] == [
+        "beta[sweeps=8]",
+        "beta[sweeps=32]",
+        "gamma[substeps=1]",
+        "gamma[substeps=2]",
+        "alpha",
+    ]
+    deepest = next(k for k, cell in enumerate(head) if cell.text.startswith("Deepest point"))
+    assert [float(row[deepest].value or "nan") for row in rows] == pytest.approx(
+        [-140.0, -139.0, -138.2, np.nan, -138.0], abs=0.05, nan_ok=True
+    )
+    assert [row[-1].text == "failed" for row in rows] == [False, False, False, True, False]
+    assert rows[-1][0].text.endswith("reference")
+
+
+def test_errors_are_differences_from_the_references_against_run_time(read: Page) -> None:
+    data = read.figures["scene1-costs"].data
+    assert data["axes"]["wide"][0]["log_x"]
+    deepest = {line["label"]: line for line in data["panels"][0]["lines"]}
+    assert deepest["sweeps"]["x"] == [40, 80]
+    assert deepest["sweeps"]["y"] == pytest.approx([-2.0, -1.0], abs=0.05)
+    assert deepest["substeps"]["x"] == [60]
+    assert deepest["alpha"]["y"] == [0]
+    assert data["panels"][0]["label"] == "Difference [mm]"
+
+
+def test_curves_stand_in_one_panel_per_family_with_the_band_of_the_references(read: Page) -> None:
+    data = read.figures["scene1-ball-displacement"].data
+    assert [panel["label"] for panel in data["panels"]] == ["Vertical displacement [mm]"] * 2
+    assert data["panels"][0]["lines"][0]["x"][0] == 20
+    assert [line["label"] for line in data["panels"][0]["lines"]] == ["sweeps: 8", "sweeps: 32"]
+    for panel in data["panels"]:
+        (band,) = panel["known"]
+        assert min(band["y"]) == pytest.approx(-138, abs=0.1)
+
+
+def test_what_failed_is_listed_and_the_command_is_given(read: Page) -> None:
+    text = "".join(read.text)
+    assert "no number" in text and "dembench recipe a-study" in text
+    assert "5 runs: " in text and "1 failed" in text
