@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class Touching:
 
 @dataclass(frozen=True)
 class Contacts:
-    """The contacts of a simulation, ordered by i, then j, then wall.
+    """The contacts of a simulation, ordered by i, then j, then feature of the wall.
 
     Attributes:
         i, j: Ids of the two bodies, i < j, shape (k,); j is -1 where i touches a wall.
@@ -78,3 +79,43 @@ class Contacts:
         np.add.at(total, np.searchsorted(ids, self.i), force)
         np.add.at(total, np.searchsorted(ids, self.j[pairs]), -force[pairs])
         return total
+
+
+def contacts_of(simulation: Any, found: Touching) -> Contacts:
+    """Contacts of a simulation in SI units and by id, from those that its stepper found."""
+    state, u, scene = simulation.state, simulation.units, simulation.scene
+    kin, spin = state.bodies.kin.numpy(), state.bodies.spin.numpy()[:, :3].astype(np.float64)
+    identity = state.identity.numpy()
+    walls = tuple(wall.name for wall in scene.walls)
+    of_feature = np.array([walls.index(name) for name in state.walls.owners], dtype=int)
+    i, j, pairs = found.i.copy(), found.j.copy(), found.j >= 0
+    # i is the body of the lower id, so that a pair stands in one way only
+    swap = np.flatnonzero(pairs)[identity[i[pairs]] > identity[j[pairs]]]
+    i[swap], j[swap] = found.j[swap], found.i[swap]
+    sign = np.ones((len(i), 1))
+    sign[swap] = -1
+    normal = sign * found.normal
+    lever = -(kin[i, 6] - found.overlap / 2)[:, None] * normal
+    point = kin[i, :3] + lever
+    slip = kin[i, 3:6] + np.cross(spin[i], lever)
+    other = ((kin[j, 6] - found.overlap / 2)[:, None] * normal)[pairs]
+    slip[pairs] -= kin[j[pairs], 3:6] + np.cross(spin[j[pairs]], other)
+    slip[~pairs] -= state.walls.surface_velocity(found.feature[~pairs], point[~pairs])
+    slip -= (slip * normal).sum(axis=1)[:, None] * normal
+    wall = np.full(len(i), -1)
+    wall[~pairs] = of_feature[found.feature[~pairs]]
+    ids = np.where(pairs, identity[np.maximum(j, 0)], -1)
+    order = np.lexsort((found.feature, ids, identity[i]))
+    return Contacts(
+        i=identity[i][order],
+        j=ids[order],
+        wall=wall[order],
+        walls=walls,
+        point=point[order] * u.length,
+        normal=normal[order],
+        overlap=found.overlap[order] * u.length,
+        normal_force=found.normal_force[order] * u.force,
+        tangential_force=(sign * found.tangential_force)[order] * u.force,
+        slip=slip[order] * u.velocity,
+        energy=found.energy[order] * u.energy,
+    )

@@ -215,3 +215,26 @@ def rolling_torque(precision: str) -> Any:
         return torque
 
     return rolling
+
+
+@cache
+def contact_energy(options: LawOptions) -> Any:
+    """Elastic energy of a contact as a Warp function (overlap, memory, c) -> energy.
+
+    Hertz-Mindlin: (2/5) kn d^(5/2) + (1/2) kt d^(1/2) xi^2; linear: (1/2) kn d^2 + (1/2) kt xi^2, the integrals of the
+    springs' forces. The stiffness of Mindlin's spring depends on the overlap, so its energy is that of the spring as it
+    is, not the work that loaded it.
+    """
+    t = types(options.precision)
+    real, vec4, PairClass = t.real, t.vec4, t.PairClass
+    linear = options.linear
+
+    @wp.func
+    def energy(overlap: real, memory: vec4, c: PairClass):
+        spring = memory[0] * memory[0] + memory[1] * memory[1] + memory[2] * memory[2]
+        if wp.static(linear):
+            return real(0.5) * (c.kn * overlap * overlap + c.kt * spring)
+        root = wp.sqrt(overlap)
+        return real(0.4) * c.kn * overlap * overlap * root + real(0.5) * c.kt * root * spring
+
+    return energy

@@ -20,6 +20,7 @@ from dembench.solver.guard import SolverError, check_step
 from dembench.solver.impulse import compliant_stepper as compliant
 from dembench.solver.impulse import stepper as rigid
 from dembench.solver.insertion import Newcomers
+from dembench.solver.inspection import Contacts, contacts_of
 from dembench.solver.population import drain, insert, remove
 from dembench.solver.saving import read_state, restore, write_state
 from dembench.solver.state import State
@@ -222,6 +223,21 @@ class Simulation:
     def overlap(self) -> float:
         """Largest overlap of two bodies at present [m], 0 where none touch."""
         return largest_overlap(self.position, self.radii, self.scene.domain)
+
+    def contacts(self) -> Contacts:
+        """The contacts of the present state with their forces; those of the impulse solver are of its last step.
+
+        Raises:
+            SolverError: The lists are full.
+        """
+        self._refresh()
+        if isinstance(self._stepper, FullSpheres):
+            raise SolverError("contacts can be inspected with half lists only (lists='half')")
+        return contacts_of(self, self._stepper.contacts())
+
+    def coordination_number(self) -> float:
+        """Mean number of contacts of a body with other bodies [-], 0 where there is no body."""
+        return 2 * float(np.count_nonzero(self.contacts().j >= 0)) / max(1, self.state.total)
 
     def largest_overlap(self) -> float:
         """Largest overlap of two bodies met in any step since the start [m]."""

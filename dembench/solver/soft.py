@@ -10,8 +10,10 @@ from dembench.scene import Rigid, Scene, features
 from dembench.solver.contacts import StepOptions
 from dembench.solver.guard import SolverError
 from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, advance_kernel
+from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.soft_contacts import touching
 from dembench.solver.state import State
 from dembench.solver.walls.features import unsupported_walls
 
@@ -33,7 +35,8 @@ class SoftSpheres:
     def __init__(self, scene: Scene, state: State, dt: float, precision: str, midpoint: bool):
         self.state, self.dt = state, dt / state.units.time
         state.skin = SKIN * state.diameter
-        self.kernels = [advance_kernel(step_options(scene, state, precision, midpoint))]
+        self._options = step_options(scene, state, precision, midpoint)
+        self.kernels = [advance_kernel(self._options)]
         self._tables = PairTables(scene, state.units, precision)
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
         self._flags = wp.zeros(5, dtype=wp.int32, device="cpu")
@@ -74,6 +77,10 @@ class SoftSpheres:
     def largest_overlap(self) -> float:
         """Largest overlap of two bodies met in any step [scene units]."""
         return self._overlap
+
+    def contacts(self) -> Touching:
+        """Contacts of the present state."""
+        return touching(self._options, self.state, self._tables)
 
     def counters(self) -> dict[str, float]:
         """Figures of this stepper beside those of the state."""

@@ -69,6 +69,22 @@ class WallSet:
         if self.options.moving:
             wp.launch(place_all, dim=1, inputs=[self._threads, time, self.record], device=self._device)
 
+    def surface_velocity(self, features: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Velocity of the surface of features at points, where the walls were last placed [scene units].
+
+        Args:
+            features: Indices of the features, shape (k,).
+            points: Shape (k, 3).
+        """
+        velocity = np.zeros((len(points), 3))
+        if self.options.moving:
+            motion = self.record.features.numpy()["motion"][features]
+            moved = motion >= 0
+            poses = self.record.poses.numpy()[motion[moved]]
+            arm = points[moved] - poses["centre"]
+            velocity[moved] = poses["velocity"] + np.cross(poses["spin"], arm)
+        return velocity
+
     @property
     def moves(self) -> bool:
         """Whether some wall changes where it is."""
