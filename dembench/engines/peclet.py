@@ -29,6 +29,7 @@ class PecletSettings(EngineSettings):
         velocity_sweeps: Sweeps over compliant rows in a substep, by default 1; largest number of sweeps over rigid rows
             in a step, by default 8.
         position_sweeps: Largest number of position sweeps in a step with rigid rows, by default 12.
+        stabilization: Rigid rows carry on after the sweeps where matter is at rest, until its weight is carried.
         arithmetic: Precision of impulses; positions and velocities are float64 always.
     """
 
@@ -36,6 +37,7 @@ class PecletSettings(EngineSettings):
     substeps: Annotated[int, Field(ge=1)] | None = None
     velocity_sweeps: Annotated[int, Field(ge=1)]
     position_sweeps: Annotated[int, Field(ge=0)]
+    stabilization: bool = True
     arithmetic: Literal["float32", "float64"] = "float32"
 
     @model_validator(mode="before")
@@ -121,4 +123,5 @@ class Peclet(Engine):
             substeps=s.substeps,
             velocity_sweeps=s.velocity_sweeps,
             position_sweeps=s.position_sweeps,
+            stabilization=s.stabilization,
         )

@@ -45,6 +45,7 @@ class Simulation:
         velocity_sweeps: Sweeps over compliant rows in a substep, 1 where None; largest number of sweeps over rigid rows
             in a step, 8 where None.
         position_sweeps: Largest number of position sweeps in a step with rigid rows.
+        stabilization: Rigid rows carry on after the sweeps where matter is at rest, until its weight is carried.
         device: "cpu", or a CUDA device such as "cuda:0" for the soft-sphere solver.
         lists: Neighbour lists of the soft-sphere solver: "half" (threads of the CPU) or "full" (CUDA devices; also runs
             on the CPU, with one thread). None takes what the device needs.
@@ -73,6 +74,7 @@ class Simulation:
         substeps: int | None = None,
         velocity_sweeps: int | None = None,
         position_sweeps: int = 12,
+        stabilization: bool = True,
         device: str = "cpu",
         lists: Literal["half", "full"] | None = None,
     ):
@@ -106,7 +108,7 @@ class Simulation:
         elif method == "impulse":
             self.state = State(scene, self.units, precision, 1)
             if rows == "rigid":
-                sweeps = (velocity_sweeps or 8, position_sweeps)
+                sweeps = (velocity_sweeps or 8, position_sweeps, stabilization)
                 self._stepper = rigid.Impulses(scene, self.state, self.dt, precision, *sweeps)
             else:
                 sweep = velocity_sweeps or 1

@@ -11,26 +11,28 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.rows import ImpulseOptions, row_types
-from dembench.solver.impulse.sweeps import change_function
+from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_types
+from dembench.solver.impulse.sweeps import row_arithmetic
 from dembench.solver.types import types
 
 
 @cache
 def collide_function(o: ImpulseOptions) -> Any:
-    """A Warp function (rows, count, event, sweep) that returns the number of collisions.
+    """A Warp function (rows, count, limits, sweep) that returns the number of collisions and the sum of the normal
+    impulses of the fast ones.
 
     Sweep 0 visits every row; the later ones, in alternating direction, those of a body that collided since.
     """
     t = types(o.precision)
     real, vec3 = t.real, t.vec3
-    Rows = row_types(o.precision)
-    change = change_function(o.precision)
-    friction = o.friction
+    Rows, Limits = row_types(o.precision), limit_types(o.precision)
+    arithmetic = row_arithmetic(o)
+    velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
 
     @wp.func
-    def collide(rows: Rows, count: int, event: real, sweep: int):
+    def collide(rows: Rows, count: int, limits: Limits, sweep: int):
         hits = int(0)
+        blow = real(0.0)
         for q in range(count):
             r = q
             if sweep % 2 == 1:
@@ -38,36 +40,21 @@ def collide_function(o: ImpulseOptions) -> Any:
             i, j = rows.i[r], rows.j[r]
             if wp.max(rows.hit[i], rows.hit[j]) < sweep:
                 continue
-            a = rows.a[r]
+            a, b = rows.a[r], rows.b[r]
             ui, uj = rows.u[i], rows.u[j]
             n = vec3(a[0], a[1], a[2])
-            v = vec3(ui[0] - uj[0], ui[1] - uj[1], ui[2] - uj[2])
+            v = velocity(ui, uj, n, a[7], b[0])
             vn = wp.dot(v, n)
-            # a gap that stays open within the step has a target below the approach speed
-            if vn < wp.min(-event, a[3]):
-                b = rows.b[r]
+            # a gap that stays open within the step needs a faster approach
+            if vn < wp.min(-limits.event, a[3]):
                 normal = -(real(1.0) + b[2]) * vn * a[4]
-                p = normal * n
-                turn = vec3()
-                if wp.static(friction):
-                    s = vec3(
-                        a[7] * ui[4] + b[0] * uj[4],
-                        a[7] * ui[5] + b[0] * uj[5],
-                        a[7] * ui[6] + b[0] * uj[6],
-                    )
-                    slip = v - vn * n + wp.cross(n, s)
-                    lt = -(real(1.0) + b[3]) * a[5] * slip
-                    bound = a[6] * normal
-                    size2 = wp.dot(lt, lt)
-                    if size2 > bound * bound:
-                        lt = lt * (bound / wp.sqrt(size2))
-                    p = p + lt
-                    turn = wp.cross(n, lt)
-                rows.u[i] = change(ui, p, turn, a[7])
-                rows.u[j] = change(uj, -p, turn, b[0])
+                across = in_cone(-(real(1.0) + b[3]) * a[5] * (v - vn * n), a[6] * normal)
+                apply(rows, i, j, ui, uj, n, a[7], b[0], normal, across)
                 rows.hit[i] = sweep + 1
                 rows.hit[j] = sweep + 1
                 hits += 1
-        return hits
+                if vn < -limits.fast:
+                    blow += normal
+        return hits, blow
 
     return collide

@@ -55,26 +55,29 @@ def position_sweep(o: ImpulseOptions) -> Any:
                 d = xi - wp.vec3d(kj[0], kj[1], kj[2])
                 reach = ki[6] + kj[6]
                 r2 = wp.dot(d, d)
-                if r2 < reach * reach:
+                held = wp.float64(rows.push[r]) * dt
+                if r2 < reach * reach or held > zero:
                     length = wp.sqrt(r2)
                     overlap = reach - length
-                    mj = wp.float64(b.inv_m[j])
+                    mass = wp.float64(b.inv_m[j]) + mi
                     largest = wp.max(largest, overlap)
-                    if overlap > slop and mi + mj > zero:
-                        n = wp.vec3d(direction(i, j))
-                        if length > zero:
-                            n = d / length
-                        push = n * (overlap / (mi + mj))
-                        rows.push[r] = rows.push[r] + real(overlap / ((mi + mj) * dt))
-                        b.kin[i] = shifted(ki, mi * push)
-                        b.kin[j] = shifted(kj, -mj * push)
+                    if (overlap > slop or held > zero) and mass > zero:
+                        shift = wp.max(overlap / mass, -held)
+                        n = d / length
+                        if length == zero:
+                            n = wp.vec3d(direction(i, j))
+                        rows.push[r] = real((held + shift) / dt)
+                        b.kin[i] = shifted(ki, mi * shift * n)
+                        b.kin[j] = shifted(kj, -wp.float64(b.inv_m[j]) * shift * n)
             elif wp.static(present):
                 distance, normal = distance_of(walls, lists.wall_f[j - total], 0, xi)
                 overlap = ki[6] - distance
+                held = wp.float64(rows.push[r]) * dt
                 largest = wp.max(largest, overlap)
-                if overlap > slop and mi > zero:
-                    rows.push[r] = rows.push[r] + real(overlap / (mi * dt))
-                    b.kin[i] = shifted(ki, normal * overlap)
+                if (overlap > slop or held > zero) and mi > zero:
+                    shift = wp.max(overlap / mi, -held)
+                    rows.push[r] = real((held + shift) / dt)
+                    b.kin[i] = shifted(ki, mi * shift * normal)
         return largest
 
     return sweep

@@ -26,6 +26,7 @@ class ImpulseOptions:
         pairs: How pair constants are looked up.
         walls: What of the walls is needed.
         bigs: Whether there are large bodies.
+        stabilization: Conjugate gradients carry on where the sweeps end, for matter at rest.
     """
 
     precision: str = "float32"
@@ -33,17 +34,19 @@ class ImpulseOptions:
     pairs: str = ONE
     walls: WallOptions = field(default_factory=WallOptions)
     bigs: bool = False
+    stabilization: bool = True
 
 
 @cache
 def row_types(precision: str) -> Any:
     """The record Rows.
 
-    i, j: indices into u; slot: where the impulses are remembered; a: normal (0-2), target, normal and tangential
-    effective mass, friction, radius of i; b: radius of j, normal impulse, restitution, tangential restitution,
+    i, j: indices into u; slot: where the impulses are remembered; a: normal (0-2), overlap over dt, normal and
+    tangential effective mass, friction, radius of i; b: radius of j, normal impulse, normal and tangential restitution,
     tangential impulse (4-6), load that the last position pass carried; push: load that the position pass of this step
     carries; u: velocity (0-2), inverse mass, angular velocity (4-6), inverse inertia of bodies and, behind them, of the
-    walls in contact; x: positions at the start of the step.
+    walls in contact; hit: 1 + the last collision sweep in which each of these collided; x: positions at the start of
+    the step.
     """
     t = types(precision)
     vec8 = t.vec8
@@ -61,6 +64,35 @@ def row_types(precision: str) -> Any:
 
     Rows.__qualname__ = Rows.__name__ = f"Rows_{precision}"
     return wp.struct(Rows)
+
+
+@cache
+def limit_types(precision: str) -> Any:
+    """The record Limits: what bounds the work and the accuracy of a step, in scene units.
+
+    velocity_sweeps, position_sweeps, stabilization_sweeps: largest number per step; event: approach speed from which a
+    contact is a collision; still: change of a relative velocity at which the sweeps end; fast: slip or approach speed
+    of flowing material; share: of the load in fast contacts, up to which matter counts as at rest; calm: change of a
+    velocity at which the stabilization ends; margin: gap at the end of the step up to which a row is kept; slop:
+    overlap at which the position pass ends; near: least gap up to which pairs count as near.
+    """
+    real = types(precision).real
+
+    class Limits:
+        velocity_sweeps: wp.int32
+        position_sweeps: wp.int32
+        stabilization_sweeps: wp.int32
+        event: real
+        still: real
+        fast: real
+        share: real
+        calm: real
+        margin: real
+        slop: wp.float64
+        near: wp.float64
+
+    Limits.__qualname__ = Limits.__name__ = f"Limits_{precision}"
+    return wp.struct(Limits)
 
 
 @cache
@@ -87,7 +119,7 @@ def row_functions(o: ImpulseOptions) -> Any:
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
-    Rows = row_types(o.precision)
+    Rows, Limits = row_types(o.precision), limit_types(o.precision)
     of_pair, of_wall = pair_lookup(o.precision, o.pairs)
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
@@ -108,18 +140,17 @@ def row_functions(o: ImpulseOptions) -> Any:
         c: PairClass,
         memory: vec4,
         dt: real,
-        event: real,
+        limits: Limits,
     ):
         """Writes a row with the impulses of the last step. Memory: tangential impulse, along n the load that the
         position pass carried, and the normal impulse."""
         ui, uj = rows.u[i], rows.u[j]
-        target = wp.min(-gap / dt, real(0.0))
         mass = real(1.0) / (ui[3] + uj[3])
         turning = real(1.0) / (ui[3] + uj[3] + ri * ri * ui[7] + rj * rj * uj[7])
         rows.i[at] = i
         rows.j[at] = j
         rows.slot[at] = slot
-        rows.a[at] = vec8(n[0], n[1], n[2], target, mass, turning, c.mu, ri)
+        rows.a[at] = vec8(n[0], n[1], n[2], -gap / dt, mass, turning, c.mu, ri)
         rows.push[at] = real(0.0)
         lt = vec3()
         carried = real(0.0)
@@ -128,7 +159,7 @@ def row_functions(o: ImpulseOptions) -> Any:
             along = wp.dot(m, n)
             lt = m - along * n
             vn = n[0] * (ui[0] - uj[0]) + n[1] * (ui[1] - uj[1]) + n[2] * (ui[2] - uj[2])
-            if wp.abs(vn) < event:
+            if wp.abs(vn) < limits.event:
                 carried = wp.max(along, real(0.0))
         rows.b[at] = vec8(rj, memory[3], c.e, c.beta, lt[0], lt[1], lt[2], carried)
 
@@ -144,8 +175,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         c: PairClass,
         memory: vec4,
         dt: real,
-        event: real,
-        margin: real,
+        limits: Limits,
     ):
         count = found
         ki, kj = b.kin[i], b.kin[j]
@@ -155,13 +185,13 @@ def row_functions(o: ImpulseOptions) -> Any:
         e = vec3(real(d[0]), real(d[1]), real(d[2]))
         r = wp.length(e)
         gap = -real(inside) / (real(reach) + r)
-        n = direction(i, j)
-        if r > real(0.0):
-            n = e * (real(1.0) / r)
+        n = e * (real(1.0) / r)
+        if r == real(0.0):
+            n = direction(i, j)
         vn = n[0] * real(d[3]) + n[1] * real(d[4]) + n[2] * real(d[5])
-        if gap + wp.min(vn, real(0.0)) * dt < margin:
+        if gap + wp.min(vn, real(0.0)) * dt < limits.margin:
             if count < capacity:
-                put(rows, count, i, j, slot, n, gap, real(ki[6]), real(kj[6]), c, memory, dt, event)
+                put(rows, count, i, j, slot, n, gap, real(ki[6]), real(kj[6]), c, memory, dt, limits)
             count = count + 1
         return count
 
@@ -173,8 +203,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         table: wp.array(dtype=PairClass),
         columns: int,
         dt: real,
-        event: real,
-        margin: real,
+        limits: Limits,
         rows: Rows,
         capacity: int,
     ):
@@ -183,7 +212,7 @@ def row_functions(o: ImpulseOptions) -> Any:
             k = lists.near[q]
             i, j = lists.i[k], lists.j[k]
             c = of_pair(b, i, j, table, columns)
-            found = add_pair(b, rows, found, capacity, i, j, k, c, lists.memory[k], dt, event, margin)
+            found = add_pair(b, rows, found, capacity, i, j, k, c, lists.memory[k], dt, limits)
             lists.memory[k] = vec4()
         return found
 
@@ -197,8 +226,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         table: wp.array(dtype=PairClass),
         columns: int,
         dt: real,
-        event: real,
-        margin: real,
+        limits: Limits,
         rows: Rows,
         first: int,
         capacity: int,
@@ -208,7 +236,7 @@ def row_functions(o: ImpulseOptions) -> Any:
             i, j = lists.big_i[q], lists.big_j[q]
             slot = (j - n) * total + i
             c = of_pair(b, i, j, table, columns)
-            found = add_pair(b, rows, found, capacity, i, j, slot, c, lists.big_memory[slot], dt, event, margin)
+            found = add_pair(b, rows, found, capacity, i, j, slot, c, lists.big_memory[slot], dt, limits)
             lists.big_memory[slot] = vec4()
         return found
 
@@ -222,8 +250,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         table: wp.array(dtype=PairClass),
         columns: int,
         dt: real,
-        event: real,
-        margin: real,
+        limits: Limits,
         rows: Rows,
         first: int,
         capacity: int,
@@ -238,7 +265,7 @@ def row_functions(o: ImpulseOptions) -> Any:
             gap = real(distance - k[6])
             v = velocity_of(walls, f, 0, x)
             approach = real((k[3] - v[0]) * normal[0] + (k[4] - v[1]) * normal[1] + (k[5] - v[2]) * normal[2])
-            if gap + wp.min(approach, real(0.0)) * dt < margin:
+            if gap + wp.min(approach, real(0.0)) * dt < limits.margin:
                 if found < capacity:
                     z = real(0.0)
                     rows.hit[total + q] = 0
@@ -257,7 +284,7 @@ def row_functions(o: ImpulseOptions) -> Any:
                         c,
                         lists.wall_memory[q],
                         dt,
-                        event,
+                        limits,
                     )
                 found += 1
             lists.wall_memory[q] = vec4()

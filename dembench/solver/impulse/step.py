@@ -7,7 +7,8 @@ import warp as wp
 
 from dembench.solver.impulse.collisions import collide_function
 from dembench.solver.impulse.positions import position_sweep
-from dembench.solver.impulse.rows import ImpulseOptions, row_functions, row_types
+from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_functions, row_types
+from dembench.solver.impulse.stabilization import search_types, stabilization_functions
 from dembench.solver.impulse.sweeps import sweep_functions
 from dembench.solver.neighbours import near_functions
 from dembench.solver.types import types, vec8d
@@ -24,27 +25,28 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
 
     `wall_speed` bounds the speed at which walls come towards bodies.
 
-    Each step: gravity; rows from the near pairs; collisions, until no pair meets faster than `event`; warm start;
-    velocity sweeps until the largest correction is below `still`; drift with the new velocities (symplectic); position
-    sweeps until the largest overlap is below `slop`.
+    Each step: gravity; rows from the near pairs; collisions, until no pair meets faster than the event speed; warm
+    start; velocity sweeps; stabilization of matter at rest; drift with the new velocities (symplectic); position
+    sweeps.
 
-    `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last step, 5 velocity sweeps and 6 position
-    sweeps made in all, 7 collisions of the last step. `travel` (float64): 0 since the lists were built, 1 since the
-    near pairs were picked, 2 of large and small bodies since the candidates were listed, 3 largest overlap left by a
-    step, 4 gap up to which pairs count as near.
+    `state` (int32): 2 steps done, 3 reason for coming back, 4 rows and 7 collisions of the last step, in all steps 5
+    velocity sweeps, 6 position sweeps, 8 sweeps of the stabilization. `travel` (float64): 0 since the lists were built,
+    1 since the near pairs were picked, 2 of large and small bodies since the candidates were listed, 3 largest overlap
+    left by a step, 4 gap up to which pairs count as near.
     """
     t = types(o.precision)
     real, vec4, vec8 = t.real, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
-    Rows = row_types(o.precision)
+    Rows, Limits, Search = row_types(o.precision), limit_types(o.precision), search_types(o.precision)
     pair_rows, big_rows, wall_rows = row_functions(o)
     warm_start, sweep, remember = sweep_functions(o)
     collide = collide_function(o)
     push = position_sweep(o)
     near = near_functions(o.precision)
     pick_near, pick_big = near.pick_near, near.pick_big
+    flows, stabilize = stabilization_functions(o)
     present, timed = o.walls.present, o.walls.timed
-    bigs, friction = o.bigs, o.friction
+    bigs, friction, stabilization = o.bigs, o.friction, o.stabilization
 
     @wp.func
     def fall(b: Bodies, i: int, rows: Rows, dt: wp.float64, gravity: wp.vec3d):
@@ -95,26 +97,22 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
         wall_table: wp.array(dtype=PairClass),
         wall_columns: int,
         skin: wp.float64,
-        near_skin: wp.float64,
         big_skin: wp.float64,
         big_capacity: int,
         row_capacity: int,
-        velocity_sweeps: int,
-        position_sweeps: int,
-        event: real,
-        still: real,
-        margin: real,
-        slop: wp.float64,
+        limits: Limits,
         pair_count: wp.array(dtype=wp.int32),
         wall_count: wp.array(dtype=wp.int32),
         # outputs
         b: Bodies,
         lists: Lists,
         rows: Rows,
+        search: Search,
         near_count: wp.array(dtype=wp.int32),
         state: wp.array(dtype=wp.int32),
         travel: wp.array(dtype=wp.float64),
     ):
+        margin = wp.float64(limits.margin)
         two, eight = wp.float64(2.0), wp.float64(8.0)
         since_build = wp.float64(travel[0])
         since_near = wp.float64(travel[1])
@@ -138,17 +136,15 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
             if wp.static(timed):
                 reach = wp.max(reach, dt * wall_speed)
             reach_big = dt * wp.sqrt(fastest_big) + fall_step
-            if since_build > wp.float64(0.0) and two * (since_build + reach) + wp.float64(margin) > skin:
+            if since_build > wp.float64(0.0) and two * (since_build + reach) + margin > skin:
                 reason = int(REBUILD)
                 going = 0
-            if going == 1 and (
-                since_near < wp.float64(0.0) or two * (since_near + reach) + wp.float64(margin) > travel[4]
-            ):
-                travel[4] = wp.max(near_skin, eight * reach + wp.float64(margin))
+            if going == 1 and (since_near < wp.float64(0.0) or two * (since_near + reach) + margin > travel[4]):
+                travel[4] = wp.max(limits.near, eight * reach + margin)
                 near_count[0] = pick_near(b, lists, 0, pair_count[0], travel[4])
                 since_near = wp.float64(0.0)
             if wp.static(bigs):
-                need = since_big + reach + reach_big + wp.float64(margin)
+                need = since_big + reach + reach_big + margin
                 if going == 1 and (since_big < wp.float64(0.0) or need > big_skin):
                     near_count[2] = pick_big(b, lists, n, total, big_skin, big_capacity)
                     since_big = wp.float64(0.0)
@@ -166,8 +162,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                     pair_table,
                     pair_columns,
                     step,
-                    event,
-                    margin,
+                    limits,
                     rows,
                     row_capacity,
                 )
@@ -182,8 +177,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                         pair_table,
                         pair_columns,
                         step,
-                        event,
-                        margin,
+                        limits,
                         rows,
                         first_big,
                         row_capacity,
@@ -199,44 +193,39 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                         wall_table,
                         wall_columns,
                         step,
-                        event,
-                        margin,
+                        limits,
                         rows,
                         first_wall,
                         row_capacity,
                     )
-                hits = collide(rows, counted, event, 0)
+                hits, blow = collide(rows, counted, limits, 0)
                 state[7] = hits
                 blows = int(1)
-                while hits > 0 and blows < velocity_sweeps:
-                    hits = collide(rows, counted, event, blows)
+                while hits > 0 and blows < limits.velocity_sweeps:
+                    hits, more = collide(rows, counted, limits, blows)
+                    blow += more
                     state[7] = state[7] + hits
                     blows += 1
                 warm_start(rows, counted)
-                largest = real(0.0)
-                sweeps = int(0)
-                while sweeps < velocity_sweeps:
+                largest = sweep(rows, counted, 0)
+                sweeps = int(1)
+                while largest > limits.still and sweeps < limits.velocity_sweeps:
                     largest = sweep(rows, counted, sweeps % 2)
                     sweeps += 1
-                    if largest <= still:
-                        state[5] = state[5] + sweeps
-                        sweeps = velocity_sweeps + 1
-                if sweeps == velocity_sweeps:
-                    state[5] = state[5] + sweeps
+                state[5] = state[5] + sweeps
+                if wp.static(stabilization):
+                    if not flows(rows, counted, limits, blow):
+                        state[8] = state[8] + stabilize(rows, search, counted, total, limits)
                 for i in range(total):
                     check += drift(b, i, rows, dt)
                 if wp.static(timed):
                     place(walls, 0, now + dt, now + dt)
-                left = wp.float64(0.0)
+                left = wp.float64(wp.inf)
                 passes = int(0)
-                while passes < position_sweeps:
-                    left = push(b, lists, rows, counted, walls, total, slop, dt, passes % 2)
+                while left > limits.slop and passes < limits.position_sweeps:
+                    left = push(b, lists, rows, counted, walls, total, limits.slop, dt, passes % 2)
                     passes += 1
-                    if left <= slop:
-                        state[6] = state[6] + passes
-                        passes = position_sweeps + 1
-                if passes == position_sweeps:
-                    state[6] = state[6] + passes
+                state[6] = state[6] + passes
                 remember(rows, 0, first_big, lists.memory)
                 if wp.static(bigs):
                     remember(rows, first_big, first_wall, lists.big_memory)

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from dembench.scene import Scene, features
 from dembench.solver.guard import SolverError
-from dembench.solver.impulse.rows import ImpulseOptions, row_types
+from dembench.solver.impulse.diagnosis import RowTable
+from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_types
+from dembench.solver.impulse.stabilization import search_types
 from dembench.solver.impulse.step import BIG_OVERFLOW, NOT_FINITE, REBUILD, impulse_kernel
+from dembench.solver.inspection import Touching
 from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
@@ -20,6 +24,14 @@ EVENT = 2.0
 """A pair that meets faster than this many g dt rebounds; a slower one rests."""
 STILL = 0.02
 """Velocity sweeps end when no relative velocity changes by more than this fraction of the event speed."""
+FAST = 8.0
+"""A contact that slides or collides faster than this many g dt is flowing."""
+SHARE = 0.01
+"""Matter is at rest, and the stabilization on, where flowing contacts carry at most this fraction of the load."""
+CALM = 0.01
+"""The stabilization ends when a step of it changes no velocity by more than this many g dt."""
+STABILIZATION_SWEEPS = 1000
+"""Largest number of sweeps of the stabilization per step."""
 MARGIN = 0.01
 """Rows are kept for gaps that stay below this at the end of the step, in smallest diameters."""
 SLOP = 5e-5
@@ -42,28 +54,37 @@ class Impulses:
         dt: Time step [s].
         precision: "float32" or "float64".
         velocity_sweeps, position_sweeps: Largest number of sweeps of each kind per step.
+        stabilization: Where matter is at rest, carry on after the sweeps until its weight is carried.
     """
 
     def __init__(
-        self, scene: Scene, state: State, dt: float, precision: str, velocity_sweeps: int, position_sweeps: int
+        self,
+        scene: Scene,
+        state: State,
+        dt: float,
+        precision: str,
+        velocity_sweeps: int,
+        position_sweeps: int,
+        stabilization: bool = True,
     ):
         has = features(scene)
         self.state, self.dt = state, dt / state.units.time
-        self.velocity_sweeps, self.position_sweeps = velocity_sweeps, position_sweeps
-        options = ImpulseOptions(
+        self._options = ImpulseOptions(
             precision=precision,
             friction=has.rotation,
             pairs=lookup_mode(scene),
             walls=state.walls.options,
             bigs=state.big_rows > 0,
+            stabilization=stabilization and has.gravity,
         )
-        self.kernels = [impulse_kernel(options)]
-        self._rows = row_types(precision)()
+        self.kernels = [impulse_kernel(self._options)]
+        self._rows, self._search = row_types(precision)(), search_types(precision)()
         self._tables = PairTables(scene, state.units, precision)
         gravity = [g / state.units.acceleration for g in scene.gravity]
         self._gravity = wp.vec3d(*gravity)
         self._fall = math.hypot(*gravity) * self.dt
-        self._flags = wp.zeros(8, dtype=wp.int32, device="cpu")
+        self._limits = self._limit(velocity_sweeps, position_sweeps, precision)
+        self._flags = wp.zeros(9, dtype=wp.int32, device="cpu")
         self._travel = wp.zeros(5, dtype=wp.float64, device="cpu")
         self._steps = 0
         self._big_skin = BIG_SKIN * state.diameter
@@ -78,21 +99,11 @@ class Impulses:
         Raises:
             SolverError: A velocity is not finite.
         """
-        s, t, d = self.state, self._tables, self.state.diameter
+        s, t = self.state, self._tables
         inputs = [n, float(first), self.dt, self._gravity, s.n, s.total, s.walls.record, s.wall_speed]
-        inputs += [
-            t.pairs,
-            t.pair_columns,
-            t.walls,
-            t.wall_columns,
-            s.skin,
-            NEAR_SKIN * d,
-            self._big_skin,
-            s.big_capacity,
-        ]
-        inputs += [len(self._rows.i), self.velocity_sweeps, self.position_sweeps]
-        inputs += [EVENT * self._fall, STILL * EVENT * self._fall, MARGIN * d, SLOP * d, s.pair_count, s.wall_count]
-        outputs = [s.bodies, s.lists, self._rows, s.near_count, self._flags, self._travel]
+        inputs += [t.pairs, t.pair_columns, t.walls, t.wall_columns, s.skin, self._big_skin, s.big_capacity]
+        inputs += [len(self._rows.i), self._limits, s.pair_count, s.wall_count]
+        outputs = [s.bodies, s.lists, self._rows, self._search, s.near_count, self._flags, self._travel]
         wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
         flags = self._flags.numpy()
         done, reason = int(flags[2]), int(flags[3])
@@ -106,23 +117,47 @@ class Impulses:
             self.relist(first + done)
         return done
 
+    def _limit(self, velocity_sweeps: int, position_sweeps: int, precision: str) -> Any:
+        d, limits = self.state.diameter, limit_types(precision)()
+        limits.velocity_sweeps, limits.position_sweeps = velocity_sweeps, position_sweeps
+        limits.stabilization_sweeps = STABILIZATION_SWEEPS
+        limits.event, limits.still = EVENT * self._fall, STILL * EVENT * self._fall
+        limits.fast, limits.share, limits.calm = FAST * self._fall, SHARE, CALM * self._fall
+        limits.margin, limits.slop, limits.near = MARGIN * d, SLOP * d, NEAR_SKIN * d
+        return limits
+
     def largest_overlap(self) -> float:
         """Largest overlap that a step has left [scene units]."""
         return float(self._travel.numpy()[3])
 
+    def contacts(self) -> Touching:
+        """Contacts that carried load in the last step."""
+        return self._table().touching(self.state.total, self.state.lists.wall_f.numpy(), self.dt)
+
     def counters(self) -> dict[str, float]:
-        """Rows and collisions of the last step, mean sweeps per step."""
-        flags, steps = self._flags.numpy(), max(1, self._steps)
+        """Rows, collisions, sliding contacts and relative residual of the last step; mean sweeps per step.
+
+        For the residual see `RowTable.residual`.
+        """
+        flags, steps, table = self._flags.numpy(), max(1, self._steps), self._table()
         return {
             "rows": int(flags[4]),
             "collisions": int(flags[7]),
+            "sliding contacts": table.sliding(),
+            "residual of the contact problem": table.residual(),
             "velocity sweeps per step": int(flags[5]) / steps,
+            "stabilization sweeps per step": int(flags[8]) / steps,
             "position sweeps per step": int(flags[6]) / steps,
         }
+
+    def _table(self) -> RowTable:
+        return RowTable.of(self._rows, int(self._flags.numpy()[4]))
 
     def relist(self, steps: int) -> None:
         """Builds the lists of the state after some steps, with room for the next ones, and rows for all of them."""
         s = self.state
+        # rows of the old order must not be taken for those of the new one
+        self._flags.numpy()[4] = 0
         s.place_walls(steps * self.dt)
         speed = np.linalg.norm(s.bodies.kin.numpy()[: s.total, 3:6], axis=1)
         reach = max(self.dt * float(speed[: s.n].max(initial=0)) + self._fall, self.dt * s.wall_speed)
@@ -144,17 +179,20 @@ class Impulses:
             self._allocate(int(1.05 * contacts) + 64, int(1.2 * walls) + 64)
 
     def _allocate(self, n: int, walls: int) -> None:
-        s, vec8 = self.state, self.state.types.vec8
-        rows = self._rows
+        s, t, rows, search = self.state, self.state.types, self._rows, self._search
+        bodies = max(1, s.total)
+        sizes = {"i": n, "j": n, "slot": n, "a": n, "b": n, "push": n, "x": bodies}
+        sizes |= {"u": bodies + walls, "hit": bodies + walls}
+        kinds = {"a": t.vec8, "b": t.vec8, "u": t.vec8, "push": t.real, "x": wp.vec3d}
         # the old arrays go first: both together would be the peak of the memory
-        for name, kind in (("i", wp.int32), ("j", wp.int32), ("slot", wp.int32), ("a", vec8), ("b", vec8), ("u", vec8)):
-            setattr(rows, name, wp.zeros(1, dtype=kind, device="cpu"))
-        rows.i, rows.j, rows.slot = (wp.zeros(n, dtype=wp.int32, device="cpu") for _ in range(3))
-        rows.a, rows.b = (wp.zeros(n, dtype=vec8, device="cpu") for _ in range(2))
-        rows.push = wp.zeros(n, dtype=s.types.real, device="cpu")
-        rows.u = wp.zeros(s.total + walls, dtype=vec8, device="cpu")
-        rows.hit = wp.zeros(s.total + walls, dtype=wp.int32, device="cpu")
-        rows.x = wp.zeros(max(1, s.total), dtype=wp.vec3d, device="cpu")
+        for wanted in (dict.fromkeys(sizes, 1), sizes):
+            for name, size in wanted.items():
+                setattr(rows, name, wp.zeros(size, dtype=kinds.get(name, wp.int32), device="cpu"))
+        if not self._options.stabilization:
+            n = bodies = 1
+        for size_rows, size_bodies in ((1, 1), (n, bodies)):
+            search.z, search.p = (wp.zeros(size_rows, dtype=t.vec4, device="cpu") for _ in range(2))
+            search.u, search.du = (wp.zeros(size_bodies, dtype=t.vec8, device="cpu") for _ in range(2))
 
 
 def unsupported(scene: Scene) -> list[str]:

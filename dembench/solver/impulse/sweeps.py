@@ -5,6 +5,7 @@ not converge, that pass carries a part of the weight.
 """
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -14,10 +15,25 @@ from dembench.solver.types import types
 
 
 @cache
-def change_function(precision: str) -> Any:
-    """Velocities of a body after an impulse at a lever, as a Warp function (u, impulse, n x impulse, lever) -> u."""
-    t = types(precision)
+def row_arithmetic(o: ImpulseOptions) -> Any:
+    """What all visits of a row share, as Warp functions.
+
+    velocity(ui, uj, n, ri, rj): velocity of the surface of i past that of j at the contact; its part along n is that of
+    the centres. apply(rows, i, j, ui, uj, n, ri, rj, normal, tangential): adds an impulse, a length along n and a
+    vector across it, to i and takes it from j. in_cone(impulse, bound): the tangential impulse cut to the bound.
+    """
+    t = types(o.precision)
     real, vec3, vec8 = t.real, t.vec3, t.vec8
+    Rows = row_types(o.precision)
+    friction = o.friction
+
+    @wp.func
+    def velocity(ui: vec8, uj: vec8, n: vec3, ri: real, rj: real):
+        v = vec3(ui[0] - uj[0], ui[1] - uj[1], ui[2] - uj[2])
+        if wp.static(friction):
+            s = vec3(ri * ui[4] + rj * uj[4], ri * ui[5] + rj * uj[5], ri * ui[6] + rj * uj[6])
+            v = v + wp.cross(n, s)
+        return v
 
     @wp.func
     def change(u: vec8, p: vec3, turn: vec3, arm: real):
@@ -33,7 +49,25 @@ def change_function(precision: str) -> Any:
             u[7],
         )
 
-    return change
+    @wp.func
+    def apply(rows: Rows, i: int, j: int, ui: vec8, uj: vec8, n: vec3, ri: real, rj: real, normal: real, across: vec3):
+        p = normal * n
+        turn = vec3()
+        if wp.static(friction):
+            p = p + across
+            turn = wp.cross(n, across)
+        rows.u[i] = change(ui, p, turn, ri)
+        rows.u[j] = change(uj, -p, turn, rj)
+
+    @wp.func
+    def in_cone(impulse: vec3, bound: real):
+        size2 = wp.dot(impulse, impulse)
+        out = impulse
+        if size2 > bound * bound:
+            out = impulse * (bound / wp.sqrt(size2))
+        return out
+
+    return SimpleNamespace(velocity=velocity, apply=apply, in_cone=in_cone)
 
 
 @cache
@@ -45,24 +79,20 @@ def sweep_functions(o: ImpulseOptions) -> Any:
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Rows = row_types(o.precision)
-    change = change_function(o.precision)
+    arithmetic = row_arithmetic(o)
+    velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
     friction = o.friction
 
     @wp.func
     def warm_start(rows: Rows, count: int):
         """Applies the impulses that the rows bring along from the last step."""
         for r in range(count):
-            a, b = rows.a[r], rows.b[r]
-            n = vec3(a[0], a[1], a[2])
-            lt = vec3(b[4], b[5], b[6])
+            b = rows.b[r]
             if b[1] > real(0.0):
+                a = rows.a[r]
                 i, j = rows.i[r], rows.j[r]
-                p = b[1] * n + lt
-                turn = vec3()
-                if wp.static(friction):
-                    turn = wp.cross(n, lt)
-                rows.u[i] = change(rows.u[i], p, turn, a[7])
-                rows.u[j] = change(rows.u[j], -p, turn, b[0])
+                n = vec3(a[0], a[1], a[2])
+                apply(rows, i, j, rows.u[i], rows.u[j], n, a[7], b[0], b[1], vec3(b[4], b[5], b[6]))
 
     @wp.func
     def sweep(rows: Rows, count: int, reverse: int):
@@ -75,34 +105,20 @@ def sweep_functions(o: ImpulseOptions) -> Any:
             i, j = rows.i[r], rows.j[r]
             ui, uj = rows.u[i], rows.u[j]
             n = vec3(a[0], a[1], a[2])
-            v = vec3(ui[0] - uj[0], ui[1] - uj[1], ui[2] - uj[2])
+            v = velocity(ui, uj, n, a[7], b[0])
             vn = wp.dot(v, n)
-            ln = wp.max(real(0.0), b[1] + (a[3] - vn) * a[4])
-            dn = ln - b[1]
-            lt = vec3(b[4], b[5], b[6])
-            p = dn * n
-            turn = vec3()
+            ln = wp.max(real(0.0), b[1] + (wp.min(a[3], real(0.0)) - vn) * a[4])
+            normal = ln - b[1]
+            lt, across = vec3(), vec3()
             if wp.static(friction):
-                s = vec3(
-                    a[7] * ui[4] + b[0] * uj[4],
-                    a[7] * ui[5] + b[0] * uj[5],
-                    a[7] * ui[6] + b[0] * uj[6],
-                )
-                slip = v - vn * n + wp.cross(n, s)
-                wanted = lt - a[5] * slip
-                bound = a[6] * (ln + b[7])
-                size2 = wp.dot(wanted, wanted)
-                if size2 > bound * bound:
-                    wanted = wanted * (bound / wp.sqrt(size2))
-                dt = wanted - lt
-                lt = wanted
-                p = p + dt
-                turn = wp.cross(n, dt)
-            if wp.dot(p, p) > real(0.0):
-                rows.u[i] = change(ui, p, turn, a[7])
-                rows.u[j] = change(uj, -p, turn, b[0])
+                old = vec3(b[4], b[5], b[6])
+                lt = in_cone(old - a[5] * (v - vn * n), a[6] * (ln + b[7]))
+                across = lt - old
+            size2 = normal * normal + wp.dot(across, across)
+            if size2 > real(0.0):
+                apply(rows, i, j, ui, uj, n, a[7], b[0], normal, across)
                 rows.b[r] = vec8(b[0], ln, b[2], b[3], lt[0], lt[1], lt[2], b[7])
-                largest = wp.max(largest, wp.length(p) / a[4])
+                largest = wp.max(largest, wp.sqrt(size2) / a[4])
         return largest
 
     @wp.func
@@ -110,7 +126,8 @@ def sweep_functions(o: ImpulseOptions) -> Any:
         """Keeps the impulses of rows first..last, and the load of the position pass, for the next step."""
         for r in range(first, last):
             a, b = rows.a[r], rows.b[r]
-            push = rows.push[r]
+            # more than the normal impulse is not a load but an overlap that relaxes
+            push = wp.min(rows.push[r], b[1])
             memory[rows.slot[r]] = vec4(b[4] + push * a[0], b[5] + push * a[1], b[6] + push * a[2], b[1])
 
     return warm_start, sweep, remember
