@@ -80,7 +80,7 @@ class SoftSpheres:
 
     def contacts(self) -> Touching:
         """Contacts of the present state."""
-        return touching(self._options, self.state, self._tables)
+        return touching(self._options, self.state, self._tables, self.dt)
 
     def counters(self) -> dict[str, float]:
         """Figures of this stepper beside those of the state."""

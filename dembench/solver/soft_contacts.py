@@ -40,6 +40,7 @@ def contact_kernel(o: StepOptions) -> Any:
         memory: vec4,
         table: wp.array(dtype=PairClass),
         columns: int,
+        dt: real,
         found: int,
         who: wp.array(dtype=wp.vec3i),
         where: wp.array(dtype=vec4),
@@ -48,7 +49,7 @@ def contact_kernel(o: StepOptions) -> Any:
         count = found
         ki, kj = b.kin[i], b.kin[j]
         c = of_pair(b, i, j, table, columns)
-        on_i, _on_j, after, overlap = pair(b, i, j, ki, kj, spin(b, i), spin(b, j), memory, c, real(0.0))
+        on_i, _on_j, after, overlap = pair(b, i, j, ki, kj, spin(b, i), spin(b, j), memory, c, dt)
         if overlap > real(0.0):
             d = ki - kj
             e = vec3(real(d[0]), real(d[1]), real(d[2]))
@@ -78,6 +79,7 @@ def contact_kernel(o: StepOptions) -> Any:
         pair_columns: int,
         wall_table: wp.array(dtype=PairClass),
         wall_columns: int,
+        dt: real,
         # outputs
         who: wp.array(dtype=wp.vec3i),
         where: wp.array(dtype=vec4),
@@ -88,18 +90,18 @@ def contact_kernel(o: StepOptions) -> Any:
         for region in range(2 * parts):
             for k in range(base[region], base[region] + pair_count[region]):
                 i, j, memory = lists.i[k], lists.j[k], lists.memory[k]
-                found = put_pair(b, i, j, memory, pair_table, pair_columns, found, who, where, force)
+                found = put_pair(b, i, j, memory, pair_table, pair_columns, dt, found, who, where, force)
         if wp.static(bigs):
             for j in range(n, total):
                 for i in range(j):
                     kept = lists.big_memory[(j - n) * total + i]
-                    found = put_pair(b, i, j, kept, pair_table, pair_columns, found, who, where, force)
+                    found = put_pair(b, i, j, kept, pair_table, pair_columns, dt, found, who, where, force)
         if wp.static(present):
             for part in range(parts):
                 for slot in range(part * wall_capacity, part * wall_capacity + wall_count[part]):
                     body, f = lists.wall_i[slot] + 0, lists.wall_f[slot] + 0
                     load, spring, depth = wall(
-                        b, body, walls, f, 0, lists.wall_memory[slot], wall_table, wall_columns, real(0.0)
+                        b, body, walls, f, 0, lists.wall_memory[slot], wall_table, wall_columns, dt
                     )
                     if depth > real(0.0):
                         at = b.kin[body]
@@ -114,13 +116,17 @@ def contact_kernel(o: StepOptions) -> Any:
     return inspect
 
 
-def touching(o: StepOptions, state: Any, tables: Any) -> Touching:
+def touching(o: StepOptions, state: Any, tables: Any, dt: float) -> Touching:
     """The contacts of a state under a law.
+
+    The springs grow by a step: without that a contact that slides, whose spring is just at its limit, would look like
+    one that sticks.
 
     Args:
         o: What of the step is compiled in.
         state: With half lists that hold every pair that touches.
         tables: Its PairTables.
+        dt: Time step [scene units].
     """
     s, t = state, types(o.law.precision)
     room = int(s.pair_count.numpy().sum()) + int(s.wall_count.numpy().sum()) + s.big_rows * s.total + 1
@@ -128,7 +134,7 @@ def touching(o: StepOptions, state: Any, tables: Any) -> Touching:
     where, force = (wp.zeros(room, dtype=t.vec4, device="cpu") for _ in range(2))
     count = wp.zeros(1, dtype=wp.int32, device="cpu")
     inputs = [s.parts, s.n, s.total, s.bodies, s.lists, s.base, s.pair_count, s.wall_capacity, s.wall_count]
-    inputs += [s.walls.record, tables.pairs, tables.pair_columns, tables.walls, tables.wall_columns]
+    inputs += [s.walls.record, tables.pairs, tables.pair_columns, tables.walls, tables.wall_columns, dt]
     wp.launch(contact_kernel(o), dim=1, device="cpu", inputs=inputs, outputs=[who, where, force, count])
     k = int(count.numpy()[0])
     place, load = where.numpy()[:k].astype(np.float64), force.numpy()[:k].astype(np.float64)
