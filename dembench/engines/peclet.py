@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe, Series
 from dembench.engines.in_tree import probe_solver, read_series, write_deck
-from dembench.scene import Rigid, Scene
+from dembench.scene import Rigid, Scene, features
 
 PARTICLE_STEPS_PER_SECOND = {"compliant": 2.5e6, "rigid": 5e5}
 """Throughput of one core on which run-time estimates are based; of compliant rows that of substeps."""
@@ -71,12 +71,12 @@ class Peclet(Engine):
         """See `Engine.unsupported`."""
         from dembench.solver.impulse import compliant_stepper, stepper
 
-        return (stepper if isinstance(scene.law, Rigid) else compliant_stepper).unsupported(scene)
+        return (stepper if self._rigid(scene) else compliant_stepper).unsupported(scene)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
         """In both divisions a body moves at most d/8 in a step, d the smallest diameter; dt <= 0.007 sqrt(d/g).
 
-        The rows follow the scene's law.
+        The rows follow the scene's law; bodies that are no spheres have rigid ones.
         """
         diameter = 2 * float(scene.radii().min())
         limits = [scene.duration]
@@ -86,7 +86,11 @@ class Peclet(Engine):
         gravity = math.hypot(*scene.gravity)
         if gravity:
             limits.append(0.007 * math.sqrt(diameter / gravity))
-        return {"dt": min(limits), "rows": "rigid" if isinstance(scene.law, Rigid) else "compliant"}
+        return {"dt": min(limits), "rows": "rigid" if self._rigid(scene) else "compliant"}
+
+    def _rigid(self, scene: Scene) -> bool:
+        """Whether a scene has rigid rows by default."""
+        return isinstance(scene.law, Rigid) or features(scene).shapes
 
     def write(self, scene: Scene, settings: PecletSettings, directory: Path) -> list[Phase]:
         """See `Engine.write`."""

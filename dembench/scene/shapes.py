@@ -6,7 +6,6 @@ A shape is given in a frame of its own. The position of a body is its centre of 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from dembench.scene.base import Model, Positive, Vector
 from dembench.scene.mesh import Mesh
+from dembench.scene.sdf import Distance
 from dembench.scene.solids import Solid, inside_level_set, level_set, union_of_spheres
 
 Sphere = tuple[float, float, float, Positive]
@@ -65,8 +65,8 @@ class Clump(Model):
 
 def _field(value: Any) -> np.ndarray:
     array = np.array(value, dtype=np.float64)
-    if array.ndim != 3 or min(array.shape) < 2:
-        raise ValueError(f"values must have shape (nx, ny, nz) with at least 2 nodes per axis, not {array.shape}")
+    if array.ndim != 3 or min(array.shape) < 3:
+        raise ValueError(f"values must have shape (nx, ny, nz) with at least 3 nodes per axis, not {array.shape}")
     return _frozen(array, "values")
 
 
@@ -137,30 +137,32 @@ class Grain(Model):
     @classmethod
     def from_function(
         cls,
-        f: Callable[[np.ndarray], np.ndarray],
+        f: Distance,
         lower: Vector,
         upper: Vector,
         spacing: float,
         points: np.ndarray | None = None,
-        probe: float = 0.0,
+        probe: float = np.inf,
         distance: float | None = None,
         weight: float = 1.0,
     ) -> Grain:
         """A grain from a signed-distance function.
 
         Args:
-            f: Takes points [m], shape (..., 3), and returns signed distances [m], negative inside, shape (...).
+            f: Takes points [m], shape (n, 3), and returns signed distances [m], negative inside, shape (n,).
             lower, upper: Box of the grid [m]. It must reach beyond the surface by the largest probe or sphere that
                 the grain meets.
             spacing: Distance of the nodes [m].
             points: Probes, see the class; None takes spheres that touch the surface from inside.
-            probe: Largest radius of the probes that are made [m].
+            probe: Largest radius of the probes that are made [m]; without it they are as large as fits, so that smooth
+                surfaces are smooth to walls and other bodies.
             distance: Distance of the probes that are made [m]; None takes 3 spacings.
             weight: See the class.
         """
         cells = np.ceil((np.array(upper) - np.array(lower)) / spacing - 1e-9).astype(int)
         axes = [low + spacing * np.arange(n + 1) for low, n in zip(lower, cells, strict=True)]
-        values = np.asarray(f(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)))
+        nodes = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        values = np.asarray(f(nodes.reshape(-1, 3))).reshape(nodes.shape[:3])
         if points is None:
             surface = level_set(values, np.array(lower), spacing)
             points = inner_spheres(f, surface, probe, distance or 3 * spacing)
@@ -180,7 +182,7 @@ class Grain(Model):
         inner = np.array(size) / 2 - rounding
         if not (inner > 0).all():
             raise ValueError(f"rounding {rounding:g} m must be below half of the shortest edge {min(size):g} m")
-        corner = np.array(size) / 2 + (2 * rounding if reach is None else reach) + spacing
+        corner = np.array(size) / 2 + (2 * rounding if reach is None else reach) + 2 * spacing
         steps = np.linspace(-1, 1, probes)
         lattice = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
         shell = lattice[np.abs(lattice).max(axis=1) == 1] * inner
@@ -199,7 +201,7 @@ class Grain(Model):
         path: Path | str,
         spacing: float,
         scale: float = 1.0,
-        probe: float = 0.0,
+        probe: float = np.inf,
         distance: float | None = None,
         reach: float = 0.0,
         weight: float = 1.0,
@@ -212,9 +214,10 @@ class Grain(Model):
             path: The file.
             spacing: Distance of the nodes [m].
             scale: Metres per unit of the file.
-            probe: Largest radius of the probes [m].
+            probe: Largest radius of the probes [m]; without it they are as large as fits.
             distance: Largest distance of the probes along an edge [m]; None takes 3 spacings.
-            reach: How far the field reaches beyond the surface at least [m].
+            reach: How far the field reaches beyond the surface at least [m]: the radius of the largest probe or sphere
+                that the grain meets.
             weight: See the class.
 
         Raises:
@@ -228,15 +231,12 @@ class Grain(Model):
         mesh.apply_scale(scale)
         wall = Mesh(name="surface", material="surface", triangles=mesh.triangles)
 
-        def f(x: np.ndarray) -> np.ndarray:
-            return wall.signed_distance(x.reshape(-1, 3)).reshape(x.shape[:-1])
-
         every = distance or 3 * spacing
         vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, every)
-        margin = reach + 2 * spacing
+        margin = reach + 3 * spacing
         low, high = mesh.bounds[0] - margin, mesh.bounds[1] + margin
-        points = inner_spheres(f, vertices[faces], probe, every / 2, corners=mesh.vertices)
-        return cls.from_function(f, tuple(low), tuple(high), spacing, points, weight=weight)
+        points = inner_spheres(wall.signed_distance, vertices[faces], probe, every / 2, corners=mesh.vertices)
+        return cls.from_function(wall.signed_distance, tuple(low), tuple(high), spacing, points, weight=weight)
 
     @cached_property
     def surface(self) -> np.ndarray:
@@ -286,7 +286,7 @@ Shape = Annotated[Clump | Grain, Field(discriminator="kind")]
 
 
 def inner_spheres(
-    f: Callable[[np.ndarray], np.ndarray],
+    f: Distance,
     triangles: np.ndarray,
     radius: float,
     distance: float,
@@ -305,8 +305,9 @@ def inner_spheres(
     slope = np.stack([f(vertices + small * e) - f(vertices - small * e) for e in np.eye(3)], axis=-1)
     normal = slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12 * small)
     vertices = vertices - f(vertices)[:, None] * normal
+    radius = min(radius, float(np.ptp(vertices, axis=0).max()))
     fitting, beyond = np.zeros(len(vertices)), np.full(len(vertices), 2 * radius)
-    for _ in range(40 if radius else 0):
+    for _ in range(45 if radius else 0):
         # a sphere that touches here from inside holds all smaller ones, so bisection finds the largest
         middle = (fitting + beyond) / 2
         fits = -f(vertices - middle[:, None] * normal) >= middle * (1 - 1e-6)

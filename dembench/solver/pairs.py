@@ -19,7 +19,7 @@ and masses of the two bodies, of which the stiffness of a linear law does not de
 
 def lookup_mode(scene: Scene) -> str:
     """The cheapest lookup that is exact for the scene."""
-    if scene.constraints or scene.bodies.radius is not None:
+    if scene.constraints or scene.bodies.radius is not None or any(s.shape for s in scene.species):
         return LINEAR_RADII if isinstance(scene.law, LinearSpring) else RADII
     return ONE if len(np.unique(scene.bodies.species)) <= 1 else TABLE
 
@@ -70,7 +70,7 @@ def _species(scene: Scene) -> list[Any]:
 
 
 def _mass(scene: Scene, species: Any) -> float:
-    return scene.material(species.material).density * 4 / 3 * np.pi * species.radius**3
+    return scene.material(species.material).density * species.volume()
 
 
 def _table(scene: Scene, units: Units, precision: str, rows: list[tuple[str, str, float, float]]) -> wp.array:
@@ -91,19 +91,15 @@ def _table(scene: Scene, units: Units, precision: str, rows: list[tuple[str, str
 
 
 @cache
-def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
-    """Warp functions (bodies, i, j, table, columns) -> PairClass and (bodies, i, k, table, columns) -> PairClass.
-
-    The first is for two bodies, the second for a body and wall material k.
-    """
+def scaling(precision: str, linear: bool) -> Any:
+    """A Warp function (constants for unit radius and mass, reduced radius, sum of inverse masses) -> constants."""
     t = types(precision)
-    real, Bodies, PairClass = t.real, t.Bodies, t.PairClass
-    by_radii = mode in (RADII, LINEAR_RADII)
+    real, PairClass = t.real, t.PairClass
 
     @wp.func
     def scaled(c: PairClass, radius: real, inverse_mass: real):
         root = real(1.0)
-        if wp.static(mode == RADII):
+        if wp.static(not linear):
             root = wp.sqrt(radius)
         m = real(1.0) / wp.max(inverse_mass, real(1.0e-30))
         dashpot = wp.sqrt(root * m)
@@ -114,6 +110,20 @@ def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
         c.roll = c.roll * radius
         c.m = m
         return c
+
+    return scaled
+
+
+@cache
+def pair_lookup(precision: str, mode: str) -> tuple[Any, Any]:
+    """Warp functions (bodies, i, j, table, columns) -> PairClass and (bodies, i, k, table, columns) -> PairClass.
+
+    The first is for two bodies, the second for a body and wall material k.
+    """
+    t = types(precision)
+    real, Bodies, PairClass = t.real, t.Bodies, t.PairClass
+    by_radii = mode in (RADII, LINEAR_RADII)
+    scaled = scaling(precision, mode == LINEAR_RADII)
 
     @wp.func
     def of_pair(b: Bodies, i: int, j: int, table: wp.array(dtype=PairClass), columns: int):

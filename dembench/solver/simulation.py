@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from dembench.scene import Rigid, Scene, scene_from_arrays
+from dembench.scene import Rigid, Scene, features, scene_from_arrays
 from dembench.scene.overlap import largest_overlap
 from dembench.solver import soft
 from dembench.solver.export import write_csv, write_vtkhdf
@@ -21,10 +22,14 @@ from dembench.solver.impulse import compliant_stepper as compliant
 from dembench.solver.impulse import stepper as rigid
 from dembench.solver.insertion import Newcomers
 from dembench.solver.inspection import Contacts, contacts_of
+from dembench.solver.laws import LawOptions
 from dembench.solver.population import drain, insert, remove
 from dembench.solver.saving import read_state, restore, write_state
+from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes, refuse_for_shapes
 from dembench.solver.state import State
 from dembench.solver.units import scene_units
+
+Stepper = soft.SoftSpheres | FullSpheres | rigid.Impulses | compliant.CompliantImpulses | SoftShapes | ImpulseShapes
 
 
 class Simulation:
@@ -40,7 +45,8 @@ class Simulation:
         method: "soft-sphere" (the scene's Hertz-Mindlin law, explicit) or "impulse"; None takes "impulse" where the
             scene's law is rigid, else "soft-sphere".
         rows: Contacts of the impulse solver: "compliant" (the scene's soft-sphere law, implicit) or "rigid" (the
-            restitution and friction of the pair laws); None takes "rigid" for a rigid law, else "compliant".
+            restitution and friction of the pair laws); None takes "rigid" for a rigid law and for bodies that are no
+            spheres, else "compliant".
         substeps: Substeps of a step with compliant rows; None takes as many as the stiffest contact of the step needs.
         velocity_sweeps: Sweeps over compliant rows in a substep, 1 where None; largest number of sweeps over rigid rows
             in a step, 8 where None.
@@ -80,7 +86,7 @@ class Simulation:
     ):
         settings = {name: value for name, value in locals().items() if name not in ("self", "scene")}
         method = method or ("impulse" if isinstance(scene.law, Rigid) else "soft-sphere")
-        rows = rows or ("rigid" if isinstance(scene.law, Rigid) else "compliant")
+        rows = rows or ("rigid" if isinstance(scene.law, Rigid) or features(scene).shapes else "compliant")
         _known("method", method, ("soft-sphere", "impulse"))
         _known("rows", rows, ("compliant", "rigid"))
         if method == "impulse":
@@ -101,8 +107,16 @@ class Simulation:
         if lists == "full" and scene.sinks:
             raise SolverError("full lists cannot do: sinks")
         self.state: State
-        self._stepper: soft.SoftSpheres | FullSpheres | rigid.Impulses | compliant.CompliantImpulses
-        if lists == "full":
+        self._stepper: Stepper
+        if features(scene).shapes:
+            refuse_for_shapes(lists, threads)
+            self.state = State(scene, self.units, "float64", 1)
+            if method == "impulse":
+                sweeps = (velocity_sweeps or 8, position_sweeps)
+                self._stepper = ImpulseShapes(scene, self.state, self.dt, *sweeps)
+            else:
+                self._stepper = SoftShapes(scene, self.state, self.dt, LawOptions.of(scene, "float64", midpoint))
+        elif lists == "full":
             self.state = state = FullState(scene, self.units, precision, device)
             self._stepper = FullSpheres(scene, state, self.dt, precision, midpoint)
         elif method == "impulse":
@@ -222,6 +236,17 @@ class Simulation:
     def angular_velocity(self, value: Any) -> None:
         self._write("angular_velocity", value, "spin", 0, 1 / self.units.time, ("fixed", "rotation-locked"))
 
+    @property
+    def orientation(self) -> np.ndarray:
+        """Unit quaternions (x, y, z, w) that turn the frames of the shapes into space, shape (n, 4).
+
+        Raises:
+            SolverError: The scene has spheres only, whose orientation is not followed.
+        """
+        if not isinstance(self._stepper, SoftShapes | ImpulseShapes):
+            raise SolverError("orientation: followed in scenes with shapes only, this one has spheres")
+        return self._stepper.shapes.orientation[self.ids]
+
     def overlap(self) -> float:
         """Largest overlap of two bodies at present [m], 0 where none touch."""
         return largest_overlap(self.position, self.radii, self.scene.domain)
@@ -235,6 +260,8 @@ class Simulation:
         self._refresh()
         if isinstance(self._stepper, FullSpheres):
             raise SolverError("contacts can be inspected with half lists only (lists='half')")
+        if isinstance(self._stepper, SoftShapes | ImpulseShapes):
+            raise SolverError("contacts can be inspected in scenes of spheres only")
         return contacts_of(self, self._stepper.contacts())
 
     def coordination_number(self) -> float:
@@ -247,9 +274,12 @@ class Simulation:
 
     def kinetic_energy(self) -> float:
         """Translational and rotational kinetic energy [J]."""
-        mass = self.masses
-        inertia = 0.4 * mass * self.radii**2
-        energy = mass @ (self.velocity**2).sum(axis=1) + inertia @ (self.angular_velocity**2).sum(axis=1)
+        spin, moments = self.angular_velocity, 0.4 * (self.masses * self.radii**2)[:, None]
+        if features(self.scene).shapes:
+            axes = np.array([s.shape.solid.axes if s.shape else np.eye(3) for s in self.scene.species])
+            spin = Rotation.from_quat(self.orientation).apply(spin, inverse=True)
+            spin, moments = np.einsum("ijk,ij->ik", axes[self.species], spin), self.scene.moments()[self.ids]
+        energy = self.masses @ (self.velocity**2).sum(axis=1) + (moments * spin**2).sum()
         return 0.5 * float(energy)
 
     def counters(self) -> dict[str, float]:
@@ -330,6 +360,8 @@ class Simulation:
             SolverError: A value is not accepted, or a body would overlap another or a wall at rest by more than 1 %.
         """
         self._can_change()
+        if features(self.scene).shapes:
+            raise SolverError("insert: scenes with bodies that are no spheres take no new bodies")
         new = Newcomers(self, position, velocity, angular_velocity, species, radius)
         ids = self.state.limit + np.arange(len(new.radii))
         if len(ids):

@@ -122,8 +122,10 @@ def unsupported(scene: Scene) -> list[str]:
 def unsupported_features(scene: Scene) -> list[str]:
     """Features that neither solver has, one line each."""
     has = features(scene)
-    names = {"periodic": "periodic domains", "shapes": "shapes"}
-    return [text for name, text in names.items() if getattr(has, name)]
+    found = ["periodic domains"] if has.periodic else []
+    if has.shapes and has.rolling_friction:
+        found.append("rolling friction of bodies that are no spheres")
+    return found
 
 
 def step_options(scene: Scene, state: State, precision: str, midpoint: bool) -> StepOptions:

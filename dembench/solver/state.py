@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dembench.scene import Scene
+from dembench.scene import Scene, features
 from dembench.solver.neighbours import list_kernels
 from dembench.solver.pairs import kinds
 from dembench.solver.population import drain
@@ -19,7 +19,7 @@ from dembench.solver.walls.features import WallSet
 BIG_RATIO = 3.0
 """A body is kept apart as large where its radius exceeds this many median radii."""
 BIG_LIMIT = 16
-"""At most this many bodies are kept apart; a scene with more is sorted as a whole."""
+"""At most this many bodies are kept apart; a scene with more, or with shapes, is sorted as a whole."""
 
 
 class State:
@@ -48,7 +48,7 @@ class State:
         self.diameter = 2 * float(radii.min()) if len(radii) else 1.0
         self.skin = 0.1 * self.diameter
         big = np.flatnonzero(radii > BIG_RATIO * np.median(radii)) if len(radii) else np.empty(0, int)
-        if len(big) > BIG_LIMIT:
+        if len(big) > BIG_LIMIT or features(scene).shapes:
             big = np.empty(0, int)
         self.total = self.limit = len(radii)
         self.n = self.total - len(big)

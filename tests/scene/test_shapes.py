@@ -93,7 +93,7 @@ def test_rounded_box_has_steiners_volume():
 
 
 def test_probes_touch_from_inside_and_sharp_corners_stay_points():
-    whole = Grain.from_function(ball, (-1.3,) * 3, (1.3,) * 3, 0.2, probe=2.0)
+    whole = Grain.from_function(ball, (-1.3,) * 3, (1.3,) * 3, 0.2)
     assert len(whole.points) == 1
     assert whole.points[0] == pytest.approx([0, 0, 0, 1], abs=1e-6)
     shell = Grain.from_function(ball, (-1.3,) * 3, (1.3,) * 3, 0.2, probe=0.5)
@@ -142,8 +142,8 @@ def test_faults_are_named():
     with pytest.raises(ValueError, match="norm 2"):
         scene(Clump.dumbbell(1, 1), orientation=[(0, 0, 0, 2)])
     with pytest.raises(ValueError, match="inside it"):
-        Grain(values=-np.ones((3, 3, 3)), origin=(0, 0, 0), spacing=1, points=[(0, 0, 0)])
+        Grain(values=-np.ones((5, 5, 5)), origin=(0, 0, 0), spacing=1, points=[(0, 0, 0)])
     with pytest.raises(ValueError, match="no node inside"):
-        Grain(values=np.ones((3, 3, 3)), origin=(0, 0, 0), spacing=1, points=[(0, 0, 0)])
+        Grain(values=np.ones((5, 5, 5)), origin=(0, 0, 0), spacing=1, points=[(0, 0, 0)])
     with pytest.raises(ValueError, match="leave the radii out"):
         scene(Clump.dumbbell(1, 1), bodies=Bodies(position=[(0, 0, 0)], radius=[1]))

@@ -146,4 +146,6 @@ def unsupported(scene: Scene) -> list[str]:
     found = unsupported_walls(scene) + unsupported_features(scene)
     if not isinstance(scene.law, HertzMindlin):
         found.append(f"contact law {scene.law.kind}: compliant rows need a stiffness")
+    if features(scene).shapes:
+        found.append("compliant rows of bodies that are no spheres")
     return found

@@ -140,11 +140,22 @@ def _grids(wall: Sdf, units: Units, nodes: list[np.ndarray]) -> list[dict[str, A
     """One feature for each part of a wall; the rows of its nodes are appended to those that are there already."""
     found = []
     for values in wall.values:
-        gradient = np.gradient(values, wall.spacing, edge_order=2)
         feature = {"shape": GRID, "point": wall.origin, "length": wall.spacing, "first": sum(map(len, nodes))}
         found.append({**feature, "size": wp.vec3i(*values.shape)})
-        nodes.append(np.stack([*gradient, values / units.length], axis=-1).reshape(-1, 4))
+        nodes.append(field_nodes(values, wall.spacing, units))
     return found
+
+
+def field_nodes(values: np.ndarray, spacing: float, units: Units) -> np.ndarray:
+    """Gradient and distance [scene units] of the nodes of a grid, rows of shape (n, 4).
+
+    Args:
+        values: Signed distances [m], shape (nx, ny, nz).
+        spacing: Distance between nodes [m].
+        units: Scene units.
+    """
+    gradient = np.gradient(values, spacing, edge_order=2)
+    return np.stack([*gradient, values / units.length], axis=-1).reshape(-1, 4)
 
 
 def _plane(point: Any, normal: Any) -> dict[str, Any]:
