@@ -11,6 +11,7 @@ import warp as wp
 
 from dembench.solver.laws import LawOptions, contact_force, rolling_torque
 from dembench.solver.pairs import ONE, pair_lookup
+from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import WallOptions, Walls
@@ -26,6 +27,7 @@ class StepOptions:
         alike: Whether all small bodies are of one kind, so that their pairs share one row of the table.
         walls: What of the walls is needed.
         bigs: Whether there are large bodies.
+        periodic: Whether some axis of the domain is periodic.
         rotation: Whether spins are integrated.
         threads: Whether several threads share the step.
     """
@@ -35,6 +37,7 @@ class StepOptions:
     alike: bool = True
     walls: WallOptions = field(default_factory=WallOptions)
     bigs: bool = False
+    periodic: bool = False
     rotation: bool = True
     threads: bool = False
 
@@ -50,6 +53,7 @@ def force_functions(o: StepOptions) -> Any:
     Bodies, PairClass = t.Bodies, t.PairClass
     force, rolling_of = contact_force(o.law), rolling_torque(o.law.precision)
     _of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
+    separation = image_functions(o.law.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of, turning_of = of_feature.distance, of_feature.velocity, of_feature.spin
     friction, rolling, rescaled = o.law.friction, o.law.rolling, o.law.rescaled
@@ -89,7 +93,7 @@ def force_functions(o: StepOptions) -> Any:
     ):
         """Contact of bodies i and j: loads of both, the new memory and the overlap (0 if apart)."""
         on_i, on_j, after, overlap = vec8(), vec8(), vec4(), real(0.0)
-        d = ki - kj
+        d = separation(b, ki, kj)
         reach = ki[6] + kj[6]
         inside = reach * reach - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         if inside > wp.float64(0.0):

@@ -13,6 +13,7 @@ import warp as wp
 
 from dembench.solver.full_sort import cell_function
 from dembench.solver.neighbours import position_function
+from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import WallOptions, Walls
@@ -48,7 +49,7 @@ def full_lists_type(precision: str) -> Any:
 
 
 @cache
-def full_list_kernels(precision: str, walls: WallOptions, friction: bool) -> Any:
+def full_list_kernels(precision: str, walls: WallOptions, friction: bool, periodic: bool) -> Any:
     """Kernels that build full lists; each has one thread per body unless it says otherwise."""
     t = types(precision)
     vec4, Bodies = t.vec4, t.Bodies
@@ -56,6 +57,9 @@ def full_list_kernels(precision: str, walls: WallOptions, friction: bool) -> Any
     distance_of = wall_functions(walls).distance
     position = position_function(precision)
     cell_of = cell_function()
+    image = image_functions(precision, periodic)
+    nearest, folded = image.nearest, image.folded
+    turns = wp.constant(2 if periodic else 1)
 
     @wp.func
     def enter(
@@ -94,7 +98,7 @@ def full_list_kernels(precision: str, walls: WallOptions, friction: bool) -> Any
         skin: wp.float64,
         big_skin: wp.float64,
         origin: wp.vec3d,
-        inverse: wp.float64,
+        inverse: wp.vec3d,
         axis: wp.vec3i,
         cells: wp.vec3i,
         start: wp.array(dtype=wp.int32),
@@ -112,17 +116,29 @@ def full_list_kernels(precision: str, walls: WallOptions, friction: bool) -> Any
         c = cell_of(x, origin, inverse, axis, cells)
         found = int(0)
         w0, w1 = wp.max(c[2] - 1, 0), wp.min(c[2] + 1, cells[2] - 1)
-        for u in range(wp.max(c[0] - 1, 0), wp.min(c[0] + 1, cells[0] - 1) + 1):
-            for v in range(wp.max(c[1] - 1, 0), wp.min(c[1] + 1, cells[1] - 1) + 1):
-                base = (u * cells[1] + v) * cells[2]
-                for j in range(start[base + w0], start[base + w1 + 1]):
-                    d = x - position(b, j)
+        for column in range(9):
+            u = folded(c[0] + column // 3 - 1, cells[0], b.inverse_box[axis[0]])
+            v = folded(c[1] + column % 3 - 1, cells[1], b.inverse_box[axis[1]])
+            if u < 0 or u >= cells[0] or v < 0 or v >= cells[1]:
+                continue
+            base = (u * cells[1] + v) * cells[2]
+            first, last = start[base + w0] + 0, start[base + w1 + 1] + 0
+            for turn in range(turns):
+                if turn == 1:
+                    other = folded(c[2] + 1, cells[2], b.inverse_box[axis[2]])
+                    if c[2] == 0:
+                        other = folded(-1, cells[2], b.inverse_box[axis[2]])
+                    if other < 0 or other >= cells[2] or wp.abs(other - c[2]) < 2:
+                        continue
+                    first, last = start[base + other] + 0, start[base + other + 1] + 0
+                for j in range(first, last):
+                    d = nearest(b, x - position(b, j))
                     reach = r + b.kin[j][6] + skin
                     if wp.dot(d, d) < reach * reach and j != k:
                         enter(k, j, found, slots, n, order, old, lists)
                         found += 1
         for j in range(n, total):
-            d = x - position(b, j)
+            d = nearest(b, x - position(b, j))
             reach = r + b.kin[j][6] + big_skin
             if wp.dot(d, d) < reach * reach:
                 enter(k, j, found, slots, n, order, old, lists)
@@ -189,7 +205,7 @@ def full_list_kernels(precision: str, walls: WallOptions, friction: bool) -> Any
         """
         row, i = wp.tid()
         j = n + row
-        d = position(b, i) - position(b, j)
+        d = nearest(b, position(b, i) - position(b, j))
         reach = b.kin[i][6] + b.kin[j][6] + skin
         near[row * total + i] = 0
         if i != j and (i >= n or wp.dot(d, d) < reach * reach):

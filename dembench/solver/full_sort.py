@@ -15,11 +15,11 @@ CHUNKS = 1024
 
 @cache
 def cell_function() -> Any:
-    """Cell of a point as a Warp function (x, origin, 1/edge, order of the axes, cells per axis) -> vec3i."""
+    """Cell of a point as a Warp function (x, origin, 1/edges, order of the axes, cells per axis) -> vec3i."""
 
     @wp.func
-    def cell_of(x: wp.vec3d, origin: wp.vec3d, inverse: wp.float64, axis: wp.vec3i, cells: wp.vec3i):
-        p = (x - origin) * inverse
+    def cell_of(x: wp.vec3d, origin: wp.vec3d, inverse: wp.vec3d, axis: wp.vec3i, cells: wp.vec3i):
+        p = wp.cw_mul(x - origin, inverse)
         return wp.vec3i(
             wp.clamp(int(wp.floor(p[axis[0]])), 0, cells[0] - 1),
             wp.clamp(int(wp.floor(p[axis[1]])), 0, cells[1] - 1),
@@ -65,7 +65,7 @@ def sort_kernels(precision: str) -> Any:
         # inputs
         b: Bodies,
         origin: wp.vec3d,
-        inverse: wp.float64,
+        inverse: wp.vec3d,
         axis: wp.vec3i,
         cells: wp.vec3i,
         # outputs

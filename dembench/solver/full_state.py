@@ -42,10 +42,14 @@ class FullState(State):
         self.generation = 0
         self.big_skin = 0.0
         super().__init__(scene, units, precision, threads=1)
-        lists = full_list_kernels(precision, self.walls.options, self.friction)
-        kernels = {**vars(sort_kernels(precision)), **vars(lists)}
-        unused = ["build_walls"] * (not self.walls.count) + ["flag_big", "fill_big"] * (not self.big_rows)
-        self.kernels = SimpleNamespace(**{name: k for name, k in kernels.items() if name not in unused})
+
+    def _kernels(self, scene: Scene) -> Any:
+        precision, has = self.types.precision, features(scene)
+        lists = full_list_kernels(precision, self.walls.options, has.friction or has.rolling_friction, self.periodic)
+        kernels = {**vars(sort_kernels(precision)), **vars(lists), **self._wrapping()}
+        big = self.total > self.n
+        unused = ["build_walls"] * (not self.walls.count) + ["flag_big", "fill_big"] * (not big)
+        return SimpleNamespace(**{name: k for name, k in kernels.items() if name not in unused})
 
     # ---- allocation
 
@@ -59,7 +63,7 @@ class FullState(State):
         for name in ("kin", "spin", "load", "inv_m", "inv_i", "kind"):
             setattr(self.bodies, name, getattr(self.bodies, name).to(self.device))
         self.identity = self.identity.to(self.device)
-        b, self.spare, self._moved = self.bodies, self.types.Bodies(), self.types.Bodies()
+        b, self.spare, self._moved = self.bodies, self._record(), self._record()
         for name in ("kin", "spin"):
             setattr(self.spare, name, wp.zeros_like(getattr(b, name)))
             setattr(self._moved, name, getattr(self.spare, name))
@@ -71,7 +75,7 @@ class FullState(State):
         self._identity_moved = wp.zeros_like(self.identity)
         self.reference = self._new(total, wp.vec3d)
         self.cell, self.order = self._new(2 * n, wp.int32), self._new(2 * n, wp.int32)
-        self.low, self.high = self._new(CHUNKS, wp.vec3d), self._new(CHUNKS, wp.vec3d)
+        self._lows, self._highs = self._new(CHUNKS, wp.vec3d), self._new(CHUNKS, wp.vec3d)
         self._overflow = self._new(2, wp.int32)
         self._near, self._until = self._new(rows * total, wp.int32), self._new(rows * total, wp.int32)
         self.slots, self.wall_slots = SLOTS, min(self.walls.count, WALL_SLOTS)
@@ -100,6 +104,7 @@ class FullState(State):
         self.rebuilds += 1
         if not self.total:
             return
+        self._wrap()
         grid = self._sort()
         old, lists = self._old, self.lists
         for name in ("partner", "memory", "count", "wall", "wall_memory", "wall_count"):
@@ -136,8 +141,8 @@ class FullState(State):
         return grid
 
     def _box(self) -> tuple[np.ndarray, np.ndarray]:
-        self.launch(self.kernels.bounds, CHUNKS, self.bodies, self.n, self.low, self.high)
-        return self.low.numpy().min(axis=0), self.high.numpy().max(axis=0)
+        self.launch(self.kernels.bounds, CHUNKS, self.bodies, self.n, self._lows, self._highs)
+        return self._lows.numpy().min(axis=0), self._highs.numpy().max(axis=0)
 
     def _build(self, grid: tuple[Any, ...]) -> bool:
         """Builds the lists of partners and walls; False where a list has too few slots."""

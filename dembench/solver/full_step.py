@@ -17,6 +17,7 @@ import warp as wp
 from dembench.solver.contacts import StepOptions, force_functions
 from dembench.solver.full_lists import MARK, full_lists_type
 from dembench.solver.pairs import pair_lookup
+from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
@@ -38,6 +39,7 @@ def full_kernels(o: StepOptions) -> Any:
     FullLists = full_lists_type(o.law.precision)
     pair, wall, spin = force_functions(o)
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
+    nearest = image_functions(o.law.precision, o.periodic).nearest
     present, rotation, friction = o.walls.present, o.rotation, o.law.friction
 
     @wp.func
@@ -135,7 +137,7 @@ def full_kernels(o: StepOptions) -> Any:
     @wp.func
     def apart(b: Bodies, i: int, j: int):
         ki, kj = b.kin[i], b.kin[j]
-        d = wp.vec3d(ki[0] - kj[0], ki[1] - kj[1], ki[2] - kj[2])
+        d = nearest(b, wp.vec3d(ki[0] - kj[0], ki[1] - kj[1], ki[2] - kj[2]))
         reach = ki[6] + kj[6]
         return wp.dot(d, d) >= reach * reach
 

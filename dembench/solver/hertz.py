@@ -43,7 +43,7 @@ def advance_kernel(o: StepOptions) -> Any:
     kin_of, spin_of, add_load, prefetch = rows.kin, rows.spin, rows.add_load, rows.prefetch
     memory_of, set_memory, entry = rows.memory_of, rows.set_memory, rows.entry
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
-    near = near_functions(o.law.precision)
+    near = near_functions(o.law.precision, o.periodic)
     pick_near, pick_big = near.pick_near, near.pick_big
     present, timed = o.walls.present, o.walls.timed
     bigs, rotation, threads, friction = o.bigs, o.rotation, o.threads, o.law.friction

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from dembench.solver.periodic import wrapped
+
 
 @dataclass(frozen=True)
 class Touching:
@@ -111,7 +113,7 @@ def contacts_of(simulation: Any, found: Touching) -> Contacts:
         j=ids[order],
         wall=wall[order],
         walls=walls,
-        point=point[order] * u.length,
+        point=wrapped(scene, point[order] * u.length),
         normal=normal[order],
         overlap=found.overlap[order] * u.length,
         normal_force=found.normal_force[order] * u.force,

@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.periodic import image_functions
 from dembench.solver.sync import row_functions
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
@@ -31,12 +32,15 @@ def position_function(precision: str) -> Any:
 
 
 @cache
-def list_kernels(precision: str, options: WallOptions) -> Any:
+def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
     """Kernels that sort particles and build lists; every kernel is serial and launched with dim = 1."""
     t = types(precision)
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
     distance_of = wall_functions(options).distance
     position = position_function(precision)
+    image = image_functions(precision, periodic)
+    nearest, folded = image.nearest, image.folded
+    turns = wp.constant(2 if periodic else 1)
 
     @wp.kernel(enable_backward=False, module="unique")
     def bounds(
@@ -60,7 +64,7 @@ def list_kernels(precision: str, options: WallOptions) -> Any:
         b: Bodies,
         n: int,
         origin: wp.vec3d,
-        inverse: wp.float64,
+        inverse: wp.vec3d,
         axis: wp.vec3i,
         cells: wp.vec3i,
         # outputs
@@ -73,7 +77,7 @@ def list_kernels(precision: str, options: WallOptions) -> Any:
         for c in range(n_cells + 1):
             start[c] = 0
         for i in range(n):
-            p = (position(b, i) - origin) * inverse
+            p = wp.cw_mul(position(b, i) - origin, inverse)
             u = wp.clamp(int(wp.floor(p[axis[0]])), 0, cells[0] - 1)
             v = wp.clamp(int(wp.floor(p[axis[1]])), 0, cells[1] - 1)
             w = wp.clamp(int(wp.floor(p[axis[2]])), 0, cells[2] - 1)
@@ -158,7 +162,7 @@ def list_kernels(precision: str, options: WallOptions) -> Any:
         follow: wp.array(dtype=wp.int32),
     ):
         found = vec4()
-        k = head[i]
+        k = head[wp.min(i, j)]
         while k >= 0:
             a, c = place[old.i[k]], place[old.j[k]]
             if a == i and c == j:
@@ -178,7 +182,7 @@ def list_kernels(precision: str, options: WallOptions) -> Any:
         b: Bodies,
         skin: wp.float64,
         origin: wp.vec3d,
-        inverse: wp.float64,
+        inverse: wp.vec3d,
         axis: wp.vec3i,
         cells: wp.vec3i,
         start: wp.array(dtype=wp.int32),
@@ -192,14 +196,14 @@ def list_kernels(precision: str, options: WallOptions) -> Any:
         count: wp.array(dtype=wp.int32),
     ):
         """Lists the pairs of the part's own particles with a gap below the skin; counts beyond the capacity, too."""
-        end = ranges[part + 1]
+        begin, end = ranges[part], ranges[part + 1]
         room = base[2 * part + 1] - base[2 * part]
         room_across = base[2 * part + 2] - base[2 * part + 1]
         inside, across = int(0), int(0)
-        for i in range(ranges[part], end):
+        for i in range(begin, end):
             xi = position(b, i)
             ri = b.kin[i][6]
-            p = (xi - origin) * inverse
+            p = wp.cw_mul(xi - origin, inverse)
             u = wp.clamp(int(wp.floor(p[axis[0]])), 0, cells[0] - 1)
             v = wp.clamp(int(wp.floor(p[axis[1]])), 0, cells[1] - 1)
             w = wp.clamp(int(wp.floor(p[axis[2]])), 0, cells[2] - 1)
@@ -212,30 +216,41 @@ def list_kernels(precision: str, options: WallOptions) -> Any:
                 if row > 1:
                     uu = u + 1
                     vv = v + row - 3
-                last = int(0)
-                if uu < cells[0] and vv >= 0 and vv < cells[1]:
-                    column = (uu * cells[1] + vv) * cells[2]
-                    last = start[column + w1 + 1]
-                    if row > 0:
-                        first = start[column + w0]
-                for j in range(first, last):
-                    d = xi - position(b, j)
-                    reach = ri + b.kin[j][6] + skin
-                    if wp.dot(d, d) < reach * reach:
-                        if j < end:
-                            if inside < room:
-                                k = base[2 * part] + inside
-                                lists.i[k] = i
-                                lists.j[k] = j
-                                lists.memory[k] = carried(i, j, old, place, head, follow)
-                            inside += 1
-                        else:
-                            if across < room_across:
-                                k = base[2 * part + 1] + across
-                                lists.i[k] = i
-                                lists.j[k] = j
-                                lists.memory[k] = carried(i, j, old, place, head, follow)
-                            across += 1
+                uu = folded(uu, cells[0], b.inverse_box[axis[0]])
+                vv = folded(vv, cells[1], b.inverse_box[axis[1]])
+                if uu >= cells[0] or vv < 0 or vv >= cells[1]:
+                    continue
+                column = (uu * cells[1] + vv) * cells[2]
+                last = start[column + w1 + 1] + 0
+                if row > 0:
+                    first = start[column + w0] + 0
+                for turn in range(turns):
+                    if turn == 1:
+                        # around the corner of the column: ahead, and behind where the column is not the own one
+                        other = folded(w + 1, cells[2], b.inverse_box[axis[2]])
+                        if w == 0 and row > 0:
+                            other = folded(-1, cells[2], b.inverse_box[axis[2]])
+                        if other < 0 or other >= cells[2] or wp.abs(other - w) < 2:
+                            continue
+                        first, last = start[column + other] + 0, start[column + other + 1] + 0
+                    for j in range(first, last):
+                        d = nearest(b, xi - position(b, j))
+                        reach = ri + b.kin[j][6] + skin
+                        if wp.dot(d, d) < reach * reach:
+                            if j >= begin and j < end:
+                                if inside < room:
+                                    k = base[2 * part] + inside
+                                    lists.i[k] = i
+                                    lists.j[k] = j
+                                    lists.memory[k] = carried(i, j, old, place, head, follow)
+                                inside += 1
+                            else:
+                                if across < room_across:
+                                    k = base[2 * part + 1] + across
+                                    lists.i[k] = i
+                                    lists.j[k] = j
+                                    lists.memory[k] = carried(i, j, old, place, head, follow)
+                                across += 1
         count[2 * part] = inside
         count[2 * part + 1] = across
 
@@ -311,11 +326,13 @@ def list_kernels(precision: str, options: WallOptions) -> Any:
 
 
 @cache
-def near_functions(precision: str) -> Any:
+def near_functions(precision: str, periodic: bool) -> Any:
     """Warp functions that pick the near pairs of a region and the candidates of the large bodies."""
     t = types(precision)
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
     position = position_function(precision)
+    image = image_functions(precision, periodic)
+    nearest, separation = image.nearest, image.separation
     native = row_functions(Bodies, t.vec8, Lists, vec4)
     kin, entry, set_entry = native.kin, native.entry, native.set_entry
     memory_of, set_memory = native.memory_of, native.set_memory
@@ -327,7 +344,7 @@ def near_functions(precision: str) -> Any:
         for q in range(count):
             k = base + q
             ki, kj = kin(b, entry(lists.i, k)), kin(b, entry(lists.j, k))
-            d = ki - kj
+            d = separation(b, ki, kj)
             reach = ki[6] + kj[6] + skin
             if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < reach * reach:
                 set_entry(lists.near, base + found, k)
@@ -347,7 +364,7 @@ def near_functions(precision: str) -> Any:
             xj = position(b, j)
             rj = b.kin[j][6] + skin
             for i in range(j):
-                d = position(b, i) - xj
+                d = nearest(b, position(b, i) - xj)
                 reach = b.kin[i][6] + rj
                 if i >= n or wp.dot(d, d) < reach * reach:
                     if found < capacity:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import warp as wp
 
 if TYPE_CHECKING:
     from dembench.solver.state import State
@@ -81,7 +82,8 @@ def renumber(state: State, source: np.ndarray, small: int) -> None:
     place = np.full(old_total, -1, dtype=np.int32)
     place[source[kept]] = np.flatnonzero(kept)
     _renumber_lists(state, place)
-    columns = {name: getattr(state.bodies, name).numpy()[:old_total].copy() for name in state.bodies._cls.vars}
+    arrays = {name: getattr(state.bodies, name) for name in state.bodies._cls.vars}
+    columns = {name: a.numpy()[:old_total].copy() for name, a in arrays.items() if isinstance(a, wp.array)}
     identity = state.identity.numpy()[:old_total].copy()
     memory = state.lists.big_memory.numpy()[: rows * old_total].reshape(rows, old_total, 4)
     total, bigs = len(source), source[small:] - old_n

@@ -23,6 +23,7 @@ from dembench.solver.impulse import stepper as rigid
 from dembench.solver.insertion import Newcomers
 from dembench.solver.inspection import Contacts, contacts_of
 from dembench.solver.laws import LawOptions
+from dembench.solver.periodic import wrapped
 from dembench.solver.population import drain, insert, remove
 from dembench.solver.saving import read_state, restore, write_state
 from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes, refuse_for_shapes
@@ -212,7 +213,7 @@ class Simulation:
     @property
     def position(self) -> np.ndarray:
         """Centres [m], shape (n, 3); can be set."""
-        return self.state.read("kin", 0, self.units.length)
+        return wrapped(self.scene, self.state.read("kin", 0, self.units.length))
 
     @position.setter
     def position(self, value: Any) -> None:

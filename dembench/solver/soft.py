@@ -13,6 +13,7 @@ from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, advan
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.periodic import unsupported_boxes
 from dembench.solver.soft_contacts import touching
 from dembench.solver.state import State
 from dembench.solver.walls.features import unsupported_walls
@@ -122,9 +123,11 @@ def unsupported(scene: Scene) -> list[str]:
 def unsupported_features(scene: Scene) -> list[str]:
     """Features that neither solver has, one line each."""
     has = features(scene)
-    found = ["periodic domains"] if has.periodic else []
+    found = unsupported_boxes(scene)
     if has.shapes and has.rolling_friction:
         found.append("rolling friction of bodies that are no spheres")
+    if has.shapes and has.periodic:
+        found.append("periodic domains with bodies that are no spheres")
     return found
 
 
@@ -137,6 +140,7 @@ def step_options(scene: Scene, state: State, precision: str, midpoint: bool) -> 
         alike=state.alike(),
         walls=state.walls.options,
         bigs=state.big_rows > 0,
+        periodic=state.periodic,
         rotation=has.rotation,
         threads=state.parts > 1,
     )

@@ -10,6 +10,7 @@ from dembench.solver.contacts import StepOptions, force_functions
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import contact_energy
 from dembench.solver.pairs import pair_lookup
+from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
@@ -29,6 +30,7 @@ def contact_kernel(o: StepOptions) -> Any:
     pair, wall, spin = functions[0], functions[1], functions[2]
     of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
     distance_of = wall_functions(o.walls).distance
+    separation = image_functions(o.law.precision, o.periodic).separation
     energy_of = contact_energy(o.law)
     present, bigs = o.walls.present, o.bigs
 
@@ -51,7 +53,7 @@ def contact_kernel(o: StepOptions) -> Any:
         c = of_pair(b, i, j, table, columns)
         on_i, _on_j, after, overlap = pair(b, i, j, ki, kj, spin(b, i), spin(b, j), memory, c, dt)
         if overlap > real(0.0):
-            d = ki - kj
+            d = separation(b, ki, kj)
             e = vec3(real(d[0]), real(d[1]), real(d[2]))
             n = vec3(real(1.0), real(0.0), real(0.0))
             if wp.length(e) > real(0.0):

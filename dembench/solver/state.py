@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import warp as wp
 from dembench.scene import Scene, features
 from dembench.solver.neighbours import list_kernels
 from dembench.solver.pairs import kinds
+from dembench.solver.periodic import box_lengths, wrap_kernel
 from dembench.solver.population import drain
 from dembench.solver.types import types, vec8d
 from dembench.solver.units import Units
@@ -36,6 +38,7 @@ class State:
         diameter: Smallest diameter [scene units].
         skin: Gap up to which pairs are listed [scene units]; set by the stepper before a rebuild.
         walls: The walls of the scene.
+        low, box: Lower corner of the domain and lengths of its periodic axes, 0 on the others [scene units].
         wall_speed: Bound of the speed at which walls come towards bodies until the next rebuild [scene units].
     """
 
@@ -57,7 +60,9 @@ class State:
         self.parts = max(1, min(threads, self.n // 64))
         self.walls = WallSet(scene, units, self.parts, self.device)
         self.wall_speed = 0.0
-        self.kernels = list_kernels(precision, self.walls.options)
+        self.low, self.box = np.array(scene.domain.lower) / units.length, box_lengths(scene) / units.length
+        self.periodic = bool(self.box.any())
+        self.kernels = self._kernels(scene)
         self.reach = 2 * float(radii[self.identity_start[: self.n]].max(initial=0.5))
         self.sinks = [sink.region for sink in scene.sinks]
         self.drained = np.zeros(len(self.sinks), dtype=np.int64)
@@ -68,11 +73,27 @@ class State:
         self._fill(scene, radii)
         self._lists(5)
 
+    def _kernels(self, scene: Scene) -> Any:
+        """The kernels of a rebuild, by name."""
+        del scene
+        kernels = vars(list_kernels(self.types.precision, self.walls.options, self.periodic))
+        return SimpleNamespace(**kernels, **self._wrapping())
+
+    def _wrapping(self) -> dict[str, Any]:
+        return {"wrap": wrap_kernel(self.types.precision)} if self.periodic else {}
+
     # ---- allocation
+
+    def _record(self) -> Any:
+        """A record Bodies without arrays."""
+        b = self.types.Bodies()
+        b.box = wp.vec3d(*self.box)
+        b.inverse_box = wp.vec3d(*np.divide(1, self.box, out=np.zeros(3), where=self.box > 0))
+        return b
 
     def _bodies(self, n: int) -> Any:
         t = self.types
-        b = t.Bodies()
+        b = self._record()
         b.kin = wp.zeros(n, dtype=vec8d, device="cpu")
         b.spin, b.load = wp.zeros(n, dtype=t.vec4, device="cpu"), wp.zeros(n, dtype=t.vec8, device="cpu")
         b.inv_m, b.inv_i = (wp.zeros(n, dtype=t.real, device="cpu") for _ in range(2))
@@ -206,6 +227,7 @@ class State:
         Bodies in a sink leave before.
         """
         self.rebuilds += 1
+        self._wrap()
         drain(self)
         grid = self._sort()
         while True:
@@ -219,10 +241,15 @@ class State:
         self._build_walls()
         self.near_count.zero_()
 
+    def _wrap(self) -> None:
+        """Takes all bodies back into the domain along its periodic axes."""
+        if self.periodic:
+            wp.launch(self.kernels.wrap, self.total, inputs=[wp.vec3d(*self.low), self.bodies], device=self.device)
+
     def _sort(self) -> tuple[Any, ...]:
         launch, n, b = self._launch, self.n, self.bodies
         if n == 0:
-            empty = (wp.vec3d(), 1.0, wp.vec3i(0, 1, 2), wp.vec3i(1, 1, 1))
+            empty = (wp.vec3d(), wp.vec3d(), wp.vec3i(0, 1, 2), wp.vec3i(1, 1, 1))
             self.start = self._ints(2)
             launch(self.kernels.permute, 0, self.total, *self._permuted())
             self._swap()
@@ -235,16 +262,25 @@ class State:
         return grid
 
     def grid(self, low: np.ndarray, high: np.ndarray) -> tuple[Any, ...]:
-        """Cells of the small bodies in a box: origin, 1/edge, axes from the longest to the shortest, cells per axis."""
+        """Cells of the small bodies in a box: origin, 1/edges, axes from the longest to the shortest, cells per axis.
+
+        Cells fill a periodic axis; it is one cell where it has no room for three, so that no two meet on both sides.
+        """
         if not (np.isfinite(low).all() and np.isfinite(high).all()):
             low, high = np.zeros(3), np.ones(3)
+        joined = self.box > 0
+        low = np.where(joined, self.low, low)
+        length = np.where(joined, self.box, high - low)
         edge = (self.reach + self.skin) * (1 + 1e-9)
         # a few particles far away must not make a grid of mostly empty cells
-        while np.prod(np.floor((high - low) / edge) + 1) > 8 * self.n + 64:
+        while np.prod(np.floor(length / edge) + 1) > 8 * self.n + 64:
             edge *= 1.26
-        axis = np.argsort(-(high - low), kind="stable").astype(int)
-        cells = (np.floor((high - low) / edge) + 1)[axis].astype(int)
-        return (wp.vec3d(*low), 1 / edge, wp.vec3i(*axis.tolist()), wp.vec3i(*cells.tolist()))
+        whole = np.floor(length / edge)
+        cells = np.where(joined, np.where(whole < 3, 1, whole), whole + 1)
+        inverse = np.where(joined, cells / np.where(joined, self.box, 1), 1 / edge)
+        axis = np.argsort(-length, kind="stable").astype(int)
+        order = wp.vec3i(*axis.tolist())
+        return (wp.vec3d(*low), wp.vec3d(*inverse), order, wp.vec3i(*cells[axis].astype(int).tolist()))
 
     def _permuted(self) -> list[Any]:
         out = [self.big_rows, self.order, self.bodies, self.identity, self.lists.big_memory]
@@ -368,6 +404,5 @@ class State:
     def memory_bytes(self) -> int:
         """Bytes held by all arrays of the state."""
         records = [r for r in vars(self).values() if hasattr(r, "_cls")]
-        arrays = {id(a): a for r in records for a in (getattr(r, k) for k in r._cls.vars)}
-        own = {id(a): a for a in vars(self).values() if isinstance(a, wp.array)}
-        return sum(a.capacity for a in {**arrays, **own}.values())
+        held = [*vars(self).values(), *(getattr(r, k) for r in records for k in r._cls.vars)]
+        return sum(a.capacity for a in {id(a): a for a in held if isinstance(a, wp.array)}.values())

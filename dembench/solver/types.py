@@ -22,7 +22,8 @@ def types(precision: str) -> Any:
 
     Bodies: the particle arrays, what a contact needs of a body side by side. kin: position (0-2), velocity (3-5),
     radius (6); spin: angular velocity (0-2); load: force (0-2) and torque (4-6); inv_m, inv_i: inverse mass and moment
-    of inertia, 0 where the motion is prescribed; kind: species.
+    of inertia, 0 where the motion is prescribed; kind: species; box, inverse_box: lengths of the periodic axes and
+    their inverses, 0 on the others.
 
     PairClass: constants of a pair of species, of a species and a wall, or of two radii. radii: sum of the radii;
     kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4) (in a
@@ -44,6 +45,8 @@ def types(precision: str) -> Any:
         inv_m: wp.array(dtype=real)
         inv_i: wp.array(dtype=real)
         kind: wp.array(dtype=wp.int32)
+        box: wp.vec3d
+        inverse_box: wp.vec3d
 
     class PairClass:
         kn: real

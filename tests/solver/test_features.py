@@ -10,7 +10,6 @@ from grains import FLOOR, RADIUS, grains
 
 from dembench.scene import (
     Cylinder,
-    Domain,
     Mesh,
     Motion,
     PairLaw,
@@ -93,7 +92,6 @@ LAW = {"a": "grain", "b": "grain", "restitution": 0.5, "friction": 0.3}
 BOTH = ["soft-sphere", "impulse"]
 MISSING = {
     "rolling friction": (["impulse"], {"pair_laws": (PairLaw(**LAW, rolling_friction=0.1),)}),
-    "periodic domains": (BOTH, {"domain": Domain(lower=(-1,) * 3, upper=(1,) * 3, periodic=(True, False, False))}),
     "wall chute: triangle meshes": (BOTH, {"walls": (Mesh(name="chute", material="grain", triangles=TRIANGLES),)}),
     "contact law rigid": (["soft-sphere"], {"law": Rigid()}),
 }

@@ -201,8 +201,8 @@ def test_impossible_settings_are_named(settings: dict[str, Any], message: str) -
 
 def test_every_kernel_compiles_for_cuda(tmp_path: Path) -> None:
     """All that a scene with every feature launches, ahead of time, on a machine without a GPU."""
-    options = StepOptions(LawOptions(), pairs="radii", walls=WALLS, bigs=True)
-    groups = (full_kernels(options), full_list_kernels("float32", WALLS, True), sort_kernels("float32"))
+    options = StepOptions(LawOptions(), pairs="radii", walls=WALLS, bigs=True, periodic=True)
+    groups = (full_kernels(options), full_list_kernels("float32", WALLS, True, True), sort_kernels("float32"))
     for kernel in [kernel for group in groups for kernel in vars(group).values()]:
         paths = wp.compile_aot_module(
             kernel.module, device=None, arch=[80, 90], module_dir=tmp_path / kernel.key, use_ptx=True

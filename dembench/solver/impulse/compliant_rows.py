@@ -17,6 +17,7 @@ import warp as wp
 
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import ONE, TABLE, pair_lookup
+from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import WallOptions, Walls
@@ -35,6 +36,7 @@ class CompliantOptions:
         alike: Whether all small bodies are of one kind, so that their pairs share one row of the table.
         walls: What of the walls is needed.
         bigs: Whether there are large bodies.
+        periodic: Whether some axis of the domain is periodic.
     """
 
     law: LawOptions = field(default_factory=LawOptions)
@@ -42,6 +44,7 @@ class CompliantOptions:
     alike: bool = True
     walls: WallOptions = field(default_factory=WallOptions)
     bigs: bool = False
+    periodic: bool = False
 
     @property
     def shared(self) -> bool:
@@ -193,6 +196,7 @@ def opening_functions(o: CompliantOptions) -> Any:
     ask_body = native.ask_body
     after = impulse_function(precision)
     of_pair, of_wall = pair_lookup(precision, o.pairs)
+    separation = image_functions(precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     friction, rescaled, shared = o.law.friction, o.law.rescaled, o.shared
@@ -309,7 +313,7 @@ def opening_functions(o: CompliantOptions) -> Any:
                     w = spin(b, i)
                     wi = vec3(w[0], w[1], w[2])
             kj = kin(b, j)
-            d = ki - kj
+            d = separation(b, ki, kj)
             sum = ki[6] + kj[6]
             r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
             kept = int(0)
@@ -369,7 +373,7 @@ def opening_functions(o: CompliantOptions) -> Any:
             i, j = lists.big_i[q], lists.big_j[q]
             slot = (j - n_small) * total + i
             ki, kj = kin(b, i), kin(b, j)
-            d = ki - kj
+            d = separation(b, ki, kj)
             sum = ki[6] + kj[6]
             inside = sum * sum - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
             e = vec3(real(d[0]), real(d[1]), real(d[2]))

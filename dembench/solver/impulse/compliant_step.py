@@ -53,7 +53,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     open_pairs, open_bigs, open_walls = opening.pairs, opening.bigs, opening.walls
     stiff_pairs, stiff_bigs, stiff_walls = stiffness.pairs, stiffness.bigs, stiffness.walls
     frequency = stiffness.frequency
-    near = near_functions(o.law.precision)
+    near = near_functions(o.law.precision, o.periodic)
     pick_near, pick_big = near.pick_near, near.pick_big
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     present, timed = o.walls.present, o.walls.timed

@@ -46,15 +46,15 @@ class CompliantImpulses:
     """
 
     def __init__(self, scene: Scene, state: State, dt: float, precision: str, substeps: int | None, sweeps: int):
-        has = features(scene)
         self.state, self.dt = state, dt / state.units.time
         self.substeps, self.sweeps = substeps or 0, sweeps
         options = CompliantOptions(
-            law=LawOptions(precision, has.friction, getattr(scene.law, "variant", "") == "rescaled"),
+            law=LawOptions.of(scene, precision, midpoint=False),
             pairs=lookup_mode(scene),
             alike=state.alike(),
             walls=state.walls.options,
             bigs=state.big_rows > 0,
+            periodic=state.periodic,
         )
         self.kernels = [compliant_kernel(options)]
         self._shared = options.shared
@@ -145,7 +145,12 @@ def unsupported(scene: Scene) -> list[str]:
     """What of a scene compliant rows cannot do, one line each."""
     found = unsupported_walls(scene) + unsupported_features(scene)
     if not isinstance(scene.law, HertzMindlin):
-        found.append(f"contact law {scene.law.kind}: compliant rows need a stiffness")
-    if features(scene).shapes:
+        found.append(f"contact law {scene.law.kind}: compliant rows are those of Hertz-Mindlin")
+    elif scene.law.variant == "no-tension":
+        found.append(f"variant {scene.law.variant} of the contact law")
+    has = features(scene)
+    if has.rolling_friction:
+        found.append("rolling friction")
+    if has.shapes:
         found.append("compliant rows of bodies that are no spheres")
     return found

@@ -16,6 +16,7 @@ import warp as wp
 
 from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_access
 from dembench.solver.pairs import pair_lookup
+from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
@@ -33,6 +34,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     native = compliant_access(o.law.precision)
     kin, entry = native.kin, native.entry
     of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
+    separation = image_functions(o.law.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     shared = o.shared
@@ -61,7 +63,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     ):
         found = wp.float64(0.0)
         ki, kj = kin(b, i), kin(b, j)
-        d = ki - kj
+        d = separation(b, ki, kj)
         sum = ki[6] + kj[6]
         r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
         if r2 < (sum + reach) * (sum + reach):

@@ -9,6 +9,7 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.impulse.rows import ImpulseOptions, direction_function, row_types
+from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
@@ -21,6 +22,7 @@ def position_sweep(o: ImpulseOptions) -> Any:
     real, Bodies, Lists = t.real, t.Bodies, t.Lists
     Rows = row_types(o.precision)
     distance_of = wall_functions(o.walls).distance
+    nearest = image_functions(o.precision, o.periodic).nearest
     direction = direction_function(o.precision)
     present = o.walls.present
 
@@ -52,7 +54,7 @@ def position_sweep(o: ImpulseOptions) -> Any:
             mi = wp.float64(b.inv_m[i])
             if j < total:
                 kj = b.kin[j]
-                d = xi - wp.vec3d(kj[0], kj[1], kj[2])
+                d = nearest(b, xi - wp.vec3d(kj[0], kj[1], kj[2]))
                 reach = ki[6] + kj[6]
                 r2 = wp.dot(d, d)
                 held = wp.float64(rows.push[r]) * dt

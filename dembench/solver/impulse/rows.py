@@ -11,6 +11,7 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.pairs import ONE, pair_lookup
+from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import WallOptions, Walls
@@ -27,6 +28,7 @@ class ImpulseOptions:
         walls: What of the walls is needed.
         bigs: Whether there are large bodies.
         stabilization: Conjugate gradients carry on where the sweeps end, for matter at rest.
+        periodic: Whether some axis of the domain is periodic.
     """
 
     precision: str = "float32"
@@ -35,6 +37,7 @@ class ImpulseOptions:
     walls: WallOptions = field(default_factory=WallOptions)
     bigs: bool = False
     stabilization: bool = True
+    periodic: bool = False
 
 
 @cache
@@ -121,6 +124,7 @@ def row_functions(o: ImpulseOptions) -> Any:
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows, Limits = row_types(o.precision), limit_types(o.precision)
     of_pair, of_wall = pair_lookup(o.precision, o.pairs)
+    separation = image_functions(o.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     direction = direction_function(o.precision)
@@ -179,7 +183,7 @@ def row_functions(o: ImpulseOptions) -> Any:
     ):
         count = found
         ki, kj = b.kin[i], b.kin[j]
-        d = ki - kj
+        d = separation(b, ki, kj)
         reach = ki[6] + kj[6]
         inside = reach * reach - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         e = vec3(real(d[0]), real(d[1]), real(d[2]))

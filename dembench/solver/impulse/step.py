@@ -42,7 +42,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     warm_start, sweep, remember = sweep_functions(o)
     collide = collide_function(o)
     push = position_sweep(o)
-    near = near_functions(o.precision)
+    near = near_functions(o.precision, o.periodic)
     pick_near, pick_big = near.pick_near, near.pick_big
     flows, stabilize = stabilization_functions(o)
     present, timed = o.walls.present, o.walls.timed

@@ -76,6 +76,7 @@ class Impulses:
             walls=state.walls.options,
             bigs=state.big_rows > 0,
             stabilization=stabilization and has.gravity,
+            periodic=state.periodic,
         )
         self.kernels = [impulse_kernel(self._options)]
         self._rows, self._search = row_types(precision)(), search_types(precision)()
