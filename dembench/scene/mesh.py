@@ -31,6 +31,8 @@ Triangles = Annotated[
 class Mesh(Wall):
     """A surface of triangles; the void is on the side of their normals (counter-clockwise order).
 
+    The in-tree solvers take it as a thin sheet: a particle touches it from the side on which its centre is.
+
     Attributes:
         triangles: Vertices [m], shape (n, 3, 3).
     """

@@ -15,7 +15,7 @@ from dembench.solver.full_sort import cell_function
 from dembench.solver.neighbours import position_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
-from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.candidates import gather_function
 from dembench.solver.walls.records import WallOptions, Walls
 
 MARK = wp.constant(1 << 30)
@@ -54,7 +54,7 @@ def full_list_kernels(precision: str, walls: WallOptions, friction: bool, period
     t = types(precision)
     vec4, Bodies = t.vec4, t.Bodies
     FullLists = full_lists_type(precision)
-    distance_of = wall_functions(walls).distance
+    gather = gather_function(walls)
     position = position_function(precision)
     cell_of = cell_function()
     image = image_functions(precision, periodic)
@@ -170,20 +170,15 @@ def full_list_kernels(precision: str, walls: WallOptions, friction: bool, period
             i = order[k]
             reach = skin
         x = position(b, k)
-        r = b.kin[k][6]
-        found = int(0)
-        for f in range(walls.features.shape[0]):
-            distance, _n = distance_of(walls, f, 0, x)
-            if distance - r < reach:
-                if found < slots:
-                    entry = f + 0
-                    for q in range(old.wall_count[i]):
-                        if old.wall[q * total + i] == f + MARK:
-                            entry = f + MARK
-                            if wp.static(friction):
-                                lists.wall_memory[found * total + k] = old.wall_memory[q * total + i]
-                    lists.wall[found * total + k] = entry
-                found += 1
+        found = gather(walls, x, b.kin[k][6], reach, k, total, slots, lists.wall)
+        for p in range(wp.min(found, slots)):
+            slot = p * total + k
+            f = lists.wall[slot]
+            for q in range(old.wall_count[i]):
+                if old.wall[q * total + i] == f + MARK:
+                    lists.wall[slot] = f + MARK
+                    if wp.static(friction):
+                        lists.wall_memory[slot] = old.wall_memory[q * total + i]
         lists.wall_count[k] = found
         if found > slots:
             overflow[1] = 1

@@ -151,8 +151,7 @@ class FullState(State):
         inputs = [s.bodies, s.n, s.total, s.skin, s.big_skin, *grid, s.start, s.order, s._old, s.slots]
         self.launch(kernels.build, s.n, *inputs, s.lists, s._overflow)
         if self.walls.count:
-            # large bodies are tested against all walls in every step: they outrun the skin of the small ones
-            inputs = [s.bodies, s.n, s.total, s.skin, 1e30, s.walls.record, s.order, s._old, s.wall_slots]
+            inputs = [s.bodies, s.n, s.total, s.skin, s.big_skin, s.walls.record, s.order, s._old, s.wall_slots]
             self.launch(kernels.build_walls, s.total, *inputs, s.lists, s._overflow)
         return not self._overflow.numpy().any()
 

@@ -19,6 +19,8 @@ from dembench.solver.full_lists import MARK, full_lists_type
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
+from dembench.solver.walls.candidates import goes_on_function
+from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -41,6 +43,8 @@ def full_kernels(o: StepOptions) -> Any:
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     nearest = image_functions(o.law.precision, o.periodic).nearest
     present, rotation, friction = o.walls.present, o.rotation, o.law.friction
+    meshes = o.walls.meshes
+    distance_of, goes_on = wall_functions(o.walls).distance, goes_on_function(o.walls)
 
     @wp.func
     def kick(k: vec8d, load: vec8, m: real, half: wp.float64, gravity: wp.vec3d):
@@ -142,6 +146,27 @@ def full_kernels(o: StepOptions) -> Any:
         return wp.dot(d, d) >= reach * reach
 
     @wp.func
+    def hand_over(b: Bodies, lists: FullLists, i: int, total: int, walls: Walls):
+        """Memory of contacts of body i that go on with another part of a mesh: see `candidates.hand_over_function`."""
+        k = b.kin[i]
+        x = wp.vec3d(k[0], k[1], k[2])
+        for q in range(lists.wall_count[i]):
+            slot = q * total + i
+            f = lists.wall[slot] - MARK
+            if f >= walls.plain:
+                distance, normal = distance_of(walls, f, 0, x)
+                if distance >= k[6]:
+                    lists.wall[slot] = f
+                    going = bool(True)
+                    for p in range(lists.wall_count[i]):
+                        g = lists.wall[p * total + i]
+                        if going and p != q and g < MARK:
+                            if goes_on(walls, 0, f, g, x, k[6], normal):
+                                lists.wall[p * total + i] = g + MARK
+                                lists.wall_memory[p * total + i] = lists.wall_memory[slot]
+                                going = False
+
+    @wp.func
     def wall_load(
         b: Bodies,
         lists: FullLists,
@@ -155,6 +180,8 @@ def full_kernels(o: StepOptions) -> Any:
         """Load of body i against the wall features in its list."""
         sum = vec8()
         z = real(0.0)
+        if wp.static(meshes and friction):
+            hand_over(b, lists, i, total, walls)
         for q in range(lists.wall_count[i]):
             slot = q * total + i
             entry = lists.wall[slot]

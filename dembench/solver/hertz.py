@@ -15,6 +15,7 @@ from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import ONE, TABLE, pair_lookup
 from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
+from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -45,7 +46,8 @@ def advance_kernel(o: StepOptions) -> Any:
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     near = near_functions(o.law.precision, o.periodic)
     pick_near, pick_big = near.pick_near, near.pick_big
-    present, timed = o.walls.present, o.walls.timed
+    present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
+    hand_over = hand_over_function(o.law.precision, o.walls)
     bigs, rotation, threads, friction = o.bigs, o.rotation, o.threads, o.law.friction
     alike = o.alike and o.pairs in (ONE, TABLE)
 
@@ -146,6 +148,8 @@ def advance_kernel(o: StepOptions) -> Any:
         columns: int,
         dt: real,
     ):
+        if wp.static(meshes):
+            hand_over(b, lists, walls, first, base, count, wp.float64(0.0))
         for q in range(count):
             slot = base + q
             i, memory = lists.wall_i[slot], lists.wall_memory[slot]
@@ -260,6 +264,9 @@ def advance_kernel(o: StepOptions) -> Any:
                         check += travel[6 + 4 * p]
                 pending = 0
                 moved = dt * wp.sqrt(fastest)
+                if wp.static(meshes):
+                    # only the parts of meshes that are near a large body are listed
+                    moved = wp.max(moved, dt * wp.sqrt(fastest_big))
                 if wp.static(timed):
                     moved = wp.max(moved, dt * wall_speed)
                 since_build += moved

@@ -89,7 +89,7 @@ def contacts_of(simulation: Any, found: Touching) -> Contacts:
     kin, spin = state.bodies.kin.numpy(), state.bodies.spin.numpy()[:, :3].astype(np.float64)
     identity = state.identity.numpy()
     walls = tuple(wall.name for wall in scene.walls)
-    of_feature = np.array([walls.index(name) for name in state.walls.owners], dtype=int)
+    of_feature = state.walls.record.features.numpy()["owner"]
     i, j, pairs = found.i.copy(), found.j.copy(), found.j >= 0
     # i is the body of the lower id, so that a pair stands in one way only
     swap = np.flatnonzero(pairs)[identity[i[pairs]] > identity[j[pairs]]]

@@ -14,7 +14,7 @@ import warp as wp
 from dembench.solver.periodic import image_functions
 from dembench.solver.sync import row_functions
 from dembench.solver.types import types
-from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.candidates import gather_function
 from dembench.solver.walls.records import WallOptions, Walls
 
 
@@ -36,7 +36,7 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
     """Kernels that sort particles and build lists; every kernel is serial and launched with dim = 1."""
     t = types(precision)
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
-    distance_of = wall_functions(options).distance
+    gather = gather_function(options)
     position = position_function(precision)
     image = image_functions(precision, periodic)
     nearest, folded = image.nearest, image.folded
@@ -298,20 +298,18 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
         """Lists the wall features near the particles first..last, behind those that the part has already."""
         found = int(count[part])
         for i in range(first, last):
-            for k in range(walls.features.shape[0]):
-                distance, _n = distance_of(walls, k, 0, position(b, i))
-                if distance - b.kin[i][6] < skin:
-                    if found < capacity:
-                        lists.wall_i[base + found] = i
-                        lists.wall_f[base + found] = k
-                        memory = vec4()
-                        q = head[i]
-                        while q >= 0:
-                            if old.wall_f[q] == k:
-                                memory = old.wall_memory[q]
-                            q = follow[q]
-                        lists.wall_memory[base + found] = memory
-                    found += 1
+            begin = base + found
+            near = gather(walls, position(b, i), b.kin[i][6], skin, begin, 1, capacity - found, lists.wall_f)
+            for k in range(begin, wp.min(begin + near, base + capacity)):
+                memory = vec4()
+                q = head[i]
+                while q >= 0:
+                    if old.wall_f[q] == lists.wall_f[k]:
+                        memory = old.wall_memory[q]
+                    q = follow[q]
+                lists.wall_i[k] = i
+                lists.wall_memory[k] = memory
+            found += near
         count[part] = found
 
     return SimpleNamespace(

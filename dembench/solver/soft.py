@@ -16,7 +16,6 @@ from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.periodic import unsupported_boxes
 from dembench.solver.soft_contacts import touching
 from dembench.solver.state import State
-from dembench.solver.walls.features import unsupported_walls
 
 SKIN = 0.2
 """Gap up to which pairs are listed, in smallest diameters."""
@@ -114,7 +113,7 @@ class SoftSpheres:
 
 def unsupported(scene: Scene) -> list[str]:
     """What of a scene the soft-sphere solver cannot do, one line each."""
-    found = unsupported_walls(scene) + unsupported_features(scene)
+    found = unsupported_features(scene)
     if isinstance(scene.law, Rigid):
         found.append(f"contact law {scene.law.kind}")
     return found

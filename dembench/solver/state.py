@@ -366,8 +366,9 @@ class State:
         def one(part: int) -> None:
             spans = [(int(self.ranges_host[part]), int(self.ranges_host[part + 1]), self.skin)]
             if part == 0:
-                # large bodies are tested against all walls in every step: they outrun the skin of the small ones
-                spans.append((self.n, self.total, 1e30))
+                # large bodies outrun the skin of the small ones: they are tested against all walls in every step, but
+                # where there are meshes, whose many parts cost more than a rebuild
+                spans.append((self.n, self.total, self.skin if self.walls.options.meshes else 1e30))
             for first, last, skin in spans:
                 inputs = [part, first, last, self.bodies, self.walls.record, skin, self._old, *chains]
                 inputs += [part * self.wall_capacity, self.wall_capacity]

@@ -10,7 +10,6 @@ from grains import FLOOR, RADIUS, grains
 
 from dembench.scene import (
     Cylinder,
-    Mesh,
     Motion,
     PairLaw,
     Rigid,
@@ -87,12 +86,10 @@ def test_a_large_body_and_threads_are_seen() -> None:
     assert not options(grains(many), threads=1).bigs and not options(grains(many)).threads
 
 
-TRIANGLES = [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
 LAW = {"a": "grain", "b": "grain", "restitution": 0.5, "friction": 0.3}
 BOTH = ["soft-sphere", "impulse"]
 MISSING = {
     "rolling friction": (["impulse"], {"pair_laws": (PairLaw(**LAW, rolling_friction=0.1),)}),
-    "wall chute: triangle meshes": (BOTH, {"walls": (Mesh(name="chute", material="grain", triangles=TRIANGLES),)}),
     "contact law rigid": (["soft-sphere"], {"law": Rigid()}),
 }
 

@@ -16,6 +16,7 @@ from dembench.solver.impulse.compliant_sweep import sweep_function
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types, vec8d
+from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -56,7 +57,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     near = near_functions(o.law.precision, o.periodic)
     pick_near, pick_big = near.pick_near, near.pick_big
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
-    present, timed = o.walls.present, o.walls.timed
+    present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
+    hand_over = hand_over_function(o.law.precision, o.walls)
     bigs, friction, shared = o.bigs, o.law.friction, o.shared
 
     @wp.func
@@ -194,6 +196,9 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     rows.u[total] = vec8()
                     fresh = 0
             reach = h * (fastest + h * weight)
+            if wp.static(meshes):
+                # only the parts of meshes that are near a large body are listed
+                reach = wp.max(reach, h * (fastest_big + h * weight))
             if wp.static(timed):
                 reach = wp.max(reach, h * wall_speed)
             if going == 1 and (since_near < zero or two * (since_near + reach) > travel[4]):
@@ -252,6 +257,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     overlap = wp.max(overlap, overlap_big)
                 travel[3] = wp.max(travel[3], wp.float64(overlap))
                 count = wall + 0
+                if wp.static(meshes):
+                    hand_over(b, lists, walls, 0, 0, wall_count[0], wp.float64(0.0))
                 if wp.static(present):
                     count = open_walls(
                         b,
@@ -297,6 +304,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     check += speed
                 fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
                 moved = h * fastest
+                if wp.static(meshes):
+                    moved = wp.max(moved, h * fastest_big)
                 if wp.static(timed):
                     moved = wp.max(moved, h * wall_speed)
                 since_build += moved

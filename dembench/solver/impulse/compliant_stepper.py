@@ -20,7 +20,6 @@ from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
-from dembench.solver.walls.features import unsupported_walls
 
 SUBSTEP = 0.9
 """Largest substep times the frequency of the stiffest contact."""
@@ -143,7 +142,7 @@ class CompliantImpulses:
 
 def unsupported(scene: Scene) -> list[str]:
     """What of a scene compliant rows cannot do, one line each."""
-    found = unsupported_walls(scene) + unsupported_features(scene)
+    found = unsupported_features(scene)
     if not isinstance(scene.law, HertzMindlin):
         found.append(f"contact law {scene.law.kind}: compliant rows are those of Hertz-Mindlin")
     elif scene.law.variant == "no-tension":

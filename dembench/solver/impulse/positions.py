@@ -21,7 +21,8 @@ def position_sweep(o: ImpulseOptions) -> Any:
     t = types(o.precision)
     real, Bodies, Lists = t.real, t.Bodies, t.Lists
     Rows = row_types(o.precision)
-    distance_of = wall_functions(o.walls).distance
+    # a row stays with its plane through the step, also where its body leaves the region of a part of a mesh
+    distance_of = wall_functions(o.walls).extended
     nearest = image_functions(o.precision, o.periodic).nearest
     direction = direction_function(o.precision)
     present = o.walls.present

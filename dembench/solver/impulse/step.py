@@ -12,6 +12,7 @@ from dembench.solver.impulse.stabilization import search_types, stabilization_fu
 from dembench.solver.impulse.sweeps import sweep_functions
 from dembench.solver.neighbours import near_functions
 from dembench.solver.types import types, vec8d
+from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -45,7 +46,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     near = near_functions(o.precision, o.periodic)
     pick_near, pick_big = near.pick_near, near.pick_big
     flows, stabilize = stabilization_functions(o)
-    present, timed = o.walls.present, o.walls.timed
+    present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
+    hand_over = hand_over_function(o.precision, o.walls)
     bigs, friction, stabilization = o.bigs, o.friction, o.stabilization
 
     @wp.func
@@ -133,9 +135,12 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 fastest_big = wp.max(fastest_big, k[3] * k[3] + k[4] * k[4] + k[5] * k[5])
             fall_step = dt * dt * wp.length(gravity)
             reach = dt * wp.sqrt(fastest) + fall_step
+            reach_big = dt * wp.sqrt(fastest_big) + fall_step
+            if wp.static(meshes):
+                # only the parts of meshes that are near a large body are listed
+                reach = wp.max(reach, reach_big)
             if wp.static(timed):
                 reach = wp.max(reach, dt * wall_speed)
-            reach_big = dt * wp.sqrt(fastest_big) + fall_step
             if since_build > wp.float64(0.0) and two * (since_build + reach) + margin > skin:
                 reason = int(REBUILD)
                 going = 0
@@ -183,6 +188,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                         row_capacity,
                     )
                 counted = first_wall + 0
+                if wp.static(meshes):
+                    hand_over(b, lists, walls, 0, 0, wall_count[0], margin)
                 if wp.static(present):
                     counted = wall_rows(
                         b,
@@ -238,6 +245,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 for i in range(n, total):
                     farthest_big = wp.max(farthest_big, moved(b, i, rows))
                 travelled = wp.sqrt(farthest)
+                if wp.static(meshes):
+                    travelled = wp.sqrt(wp.max(farthest, farthest_big))
                 if wp.static(timed):
                     travelled = wp.max(travelled, dt * wall_speed)
                 since_build += travelled

@@ -18,7 +18,6 @@ from dembench.solver.inspection import Touching
 from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
-from dembench.solver.walls.features import unsupported_walls
 
 EVENT = 2.0
 """A pair that meets faster than this many g dt rebounds; a slower one rests."""
@@ -163,6 +162,8 @@ class Impulses:
         speed = np.linalg.norm(s.bodies.kin.numpy()[: s.total, 3:6], axis=1)
         reach = max(self.dt * float(speed[: s.n].max(initial=0)) + self._fall, self.dt * s.wall_speed)
         reach_big = self.dt * (float(speed[s.n :].max(initial=0)) + self._fall)
+        if s.walls.options.meshes:
+            reach = max(reach, reach_big)
         margin = MARGIN * s.diameter
         wanted = min(2 * SKIN_STEPS * reach + margin, SKIN_LIMIT * s.diameter)
         s.skin = max(SKIN * s.diameter, wanted, 2 * reach + margin)
@@ -198,7 +199,7 @@ class Impulses:
 
 def unsupported(scene: Scene) -> list[str]:
     """What of a scene the impulse solver cannot do, one line each."""
-    found = unsupported_walls(scene) + unsupported_features(scene)
+    found = unsupported_features(scene)
     if features(scene).rolling_friction:
         found.append("rolling friction")
     return found

@@ -63,7 +63,7 @@ def narrow_functions(options: WallOptions) -> Any:
     """
     touch = touch_function(options)
     of_wall = wall_functions(options)
-    distance_of, velocity_of = of_wall.distance, of_wall.velocity
+    within, velocity_of = of_wall.near, of_wall.velocity
     present = options.present
 
     @wp.func
@@ -181,7 +181,7 @@ def narrow_functions(options: WallOptions) -> Any:
                 feature = lists.wall_f[slot] + 0
                 memory = wp.vec4d(lists.wall_memory[slot])
                 x = centre_of(b, i)
-                distance, _n = distance_of(walls, feature, 0, x)
+                distance = within(walls, feature, 0, x, b.kin[i][6])
                 reach = margin + dt * (speed_bound(b, i) + wp.length(velocity_of(walls, feature, 0, x)))
                 if distance < b.kin[i][6] + reach and not immovable(b, i):
                     near = 1

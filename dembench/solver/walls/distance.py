@@ -6,7 +6,10 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.walls.records import GRID, MANTLE, Feature, WallOptions, Walls
+from dembench.solver.walls.records import EDGE, FACE, GRID, MANTLE, Feature, WallOptions, Walls
+
+FAR = wp.constant(wp.float64(1e300))
+"""Distance to a part of a mesh outside its region: no contact, however large the body."""
 
 
 @wp.func
@@ -69,17 +72,61 @@ def grid_distance(f: Feature, nodes: wp.array(dtype=wp.vec4d), x: wp.vec3d):
     return found[3], wp.normalize(wp.vec3d(found[0], found[1], found[2]))
 
 
+@wp.func
+def part_distance(f: Feature, spaces: wp.array(dtype=wp.vec3d), x: wp.vec3d, slack: wp.float64):
+    """Face, edge or vertex of a mesh from the side on which x is; FAR outside the region, widened by `slack`.
+
+    The normal is that of the whole plane, line or point, also outside the region.
+    """
+    zero = wp.float64(0.0)
+    y = x - f.point
+    away = y - f.base
+    along = wp.dot(away, f.axis)
+    distance, normal = zero, wp.vec3d()
+    if f.shape == wp.static(FACE):
+        distance = wp.abs(along)
+        normal = wp.vec3d(f.axis)
+        if along < zero:
+            normal = -normal
+    else:
+        if f.shape == wp.static(EDGE):
+            away = away - along * f.axis
+        distance = wp.length(away)
+        normal = wp.normalize(away)
+    for h in range(f.first, f.first + f.size[0]):
+        if wp.dot(y - spaces[2 * h], spaces[2 * h + 1]) <= -slack:
+            distance = FAR
+    return distance, normal
+
+
 @cache
 def wall_functions(o: WallOptions) -> Any:
-    """Warp functions `distance`, `velocity` and `spin` of a feature.
+    """Warp functions `local`, `near`, `distance`, `extended`, `velocity` and `spin`.
 
-    distance(walls, k, first, x) -> (distance, unit normal into the void) of feature k; `first` is where the poses of
-    the thread begin. velocity(walls, k, first, x) is that of the surface at x, spin(walls, k, first) its rotation.
+    All take (walls, k, first, x): feature k, where the poses of the thread begin, a point; local takes a motion for k.
+    local: the point in the frame of the walls of the motion. distance: (distance, unit normal into the void); FAR where
+    there can be no contact. extended: the same without regard to the region of a part of a mesh. near(..., slack): what
+    the distance is in a region wider by `slack`, for lists. velocity: that of the surface; spin(walls, k, first).
     """
-    curved, grids, timed, moving = o.curved, o.grids, o.timed, o.moving
+    curved, grids, meshes, timed, moving = o.curved, o.grids, o.meshes, o.timed, o.moving
 
     @wp.func
-    def at_rest(walls: Walls, k: int, x: wp.vec3d):
+    def moved(walls: Walls, motion: int, first: int):
+        if motion < 0:
+            return False
+        return walls.poses[first + motion].stays == 0
+
+    @wp.func
+    def local(walls: Walls, motion: int, first: int, x: wp.vec3d):
+        y = x
+        if wp.static(timed):
+            if moved(walls, motion, first):
+                pose = walls.poses[first + motion]
+                y = pose.start + wp.quat_rotate_inv(pose.turn, x - pose.centre)
+        return y
+
+    @wp.func
+    def at_rest(walls: Walls, k: int, x: wp.vec3d, slack: wp.float64):
         n = wp.vec3d(walls.features[k].axis)
         d = wp.dot(x - walls.features[k].point, n)
         if wp.static(curved):
@@ -88,21 +135,33 @@ def wall_functions(o: WallOptions) -> Any:
         if wp.static(grids):
             if walls.features[k].shape == wp.static(GRID):
                 d, n = grid_distance(walls.features[k], walls.nodes, x)
+        if wp.static(meshes):
+            if walls.features[k].shape >= wp.static(FACE):
+                d, n = part_distance(walls.features[k], walls.spaces, x, slack)
+        return d, n
+
+    @wp.func
+    def near(walls: Walls, k: int, first: int, x: wp.vec3d, slack: wp.float64):
+        d, _n = at_rest(walls, k, local(walls, walls.features[k].motion, first, x), slack)
+        return d
+
+    @wp.func
+    def within(walls: Walls, k: int, first: int, x: wp.vec3d, slack: wp.float64):
+        m = walls.features[k].motion
+        d, n = at_rest(walls, k, local(walls, m, first, x), slack)
+        if wp.static(timed):
+            if moved(walls, m, first):
+                n = wp.quat_rotate(walls.poses[first + m].turn, n)
         return d, n
 
     @wp.func
     def distance(walls: Walls, k: int, first: int, x: wp.vec3d):
-        d, n = wp.float64(0.0), wp.vec3d()
-        if wp.static(timed):
-            m = walls.features[k].motion
-            if m >= 0 and walls.poses[first + m].stays == 0:
-                pose = walls.poses[first + m]
-                d, n = at_rest(walls, k, pose.start + wp.quat_rotate_inv(pose.turn, x - pose.centre))
-                n = wp.quat_rotate(pose.turn, n)
-            else:
-                d, n = at_rest(walls, k, x)
-        else:
-            d, n = at_rest(walls, k, x)
+        d, n = within(walls, k, first, x, wp.float64(0.0))
+        return d, n
+
+    @wp.func
+    def extended(walls: Walls, k: int, first: int, x: wp.vec3d):
+        d, n = within(walls, k, first, x, FAR)
         return d, n
 
     @wp.func
@@ -124,4 +183,4 @@ def wall_functions(o: WallOptions) -> Any:
                 w = walls.poses[first + m].spin + wp.vec3d()
         return w
 
-    return SimpleNamespace(distance=distance, velocity=velocity, spin=spin)
+    return SimpleNamespace(local=local, near=near, distance=distance, extended=extended, velocity=velocity, spin=spin)

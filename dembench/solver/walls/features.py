@@ -1,67 +1,61 @@
 """Walls of a scene as features in scene units.
 
-A wall breaks up into features, and a particle has one contact per feature: a plane, or a mantle of revolution with its
-open rims. Corners and joints are then right by themselves: no two normals are ever summed.
+A wall breaks up into features, and a particle has one contact per feature: a plane, a mantle of revolution with its
+open rims, each part of a signed distance, a face, edge or vertex of a mesh. Corners and joints are then right by
+themselves: no two normals are ever summed.
 """
+
+from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from dembench.scene import Box, Cylinder, Mesh, Plane, Scene, Sdf
+from dembench.scene import Box, Cylinder, Frustum, Mesh, Plane, Scene, Sdf
+from dembench.scene import features as scene_features
 from dembench.solver.units import Units
+from dembench.solver.walls.mesh import box_grid, mesh_features
 from dembench.solver.walls.motion import Motions, place_all
-from dembench.solver.walls.records import GRID, MANTLE, PLANE, Feature, Pose, WallMotion, WallOptions, Walls
-
-
-def unsupported_walls(scene: Scene) -> list[str]:
-    """Walls that the solver cannot do exactly, one line each."""
-    return [f"wall {wall.name}: triangle meshes" for wall in scene.walls if isinstance(wall, Mesh)]
+from dembench.solver.walls.records import GRID, MANTLE, PLANE, Feature, MeshCells, Pose, WallMotion, WallOptions, Walls
 
 
 class WallSet:
     """The walls of a scene on a device.
 
     Attributes:
+        names: Names of the walls; Feature.owner is an index into them.
         options: What of the walls is compiled in.
         record: The record Walls that kernels take.
         count: Number of features.
-        owners: Name of the wall that each feature belongs to.
         motions: The motions of the walls.
     """
 
     def __init__(self, scene: Scene, units: Units, threads: int = 1, device: Any = "cpu"):
         self._units, self._threads, self._device = units, threads, device
         self.motions = Motions(scene)
-        materials = wall_materials(scene)
-        features: list[Any] = []
-        nodes: list[np.ndarray] = []
-        self.owners = []
-        for wall in scene.walls:
-            for parts in _grids(wall, units, nodes) if isinstance(wall, Sdf) else _features(wall):
-                feature = Feature()
-                feature.kind, feature.motion = materials.index(wall.material), self.motions.of(wall)
-                for name, value in parts.items():
-                    setattr(feature, name, value)
-                for name in ("point", "length", "r0", "r1"):
-                    if name in parts:
-                        setattr(feature, name, _scaled(parts[name], 1 / units.length))
-                features.append(feature)
-                self.owners.append(wall.name)
+        self.names = [wall.name for wall in scene.walls]
+        features, nodes, meshes = self._features(scene)
         self.count = len(features)
         self.options = WallOptions(
-            present=bool(features),
-            curved=any(f.shape == MANTLE for f in features),
-            grids=bool(nodes),
+            present=bool(self.count),
+            curved=bool((features["shape"] == MANTLE).any()),
+            grids=bool((features["shape"] == GRID).any()),
+            meshes=bool(meshes.cells),
+            shapes=bool(meshes.cells) and scene_features(scene).shapes,
             moving=bool(self.motions.found),
             timed=self.motions.timed,
         )
-        self.record = Walls()
-        self.record.features = self._array(Feature, features)
-        self.record.motions = self._array(WallMotion, self.motions.records(units))
-        self.record.poses = wp.zeros(max(1, threads * len(self.motions.found)), dtype=Pose, device=device)
-        self.record.nodes = self._array(wp.vec4d, np.concatenate(nodes) if nodes else [])
+        self.record = record = Walls()
+        record.features, record.nodes = self._array(Feature, features), self._array(wp.vec4d, nodes)
+        record.motions = self._array(WallMotion, self.motions.records(units))
+        record.poses = wp.zeros(max(1, threads * len(self.motions.found)), dtype=Pose, device=device)
+        record.plain = self.count - sum(map(len, meshes.lowest))
+        record.spaces = self._array(wp.vec3d, _joined(meshes.spaces, (0, 3)))
+        record.meshes = self._array(MeshCells, meshes.cells)
+        record.mesh_start = self._array(wp.int32, _joined(meshes.start, 0))
+        record.mesh_part = self._array(wp.int32, _joined(meshes.part, 0))
+        record.mesh_lowest = self._array(wp.vec3i, _joined(meshes.lowest, (0, 3)))
         self.place(0.0)
 
     def place(self, time: float) -> None:
@@ -94,6 +88,25 @@ class WallSet:
         """Bound of the speed at which walls pass points between low and high [scene units]."""
         return self.motions.largest_speed(self._units, time, low, high)
 
+    def _features(self, scene: Scene) -> tuple[np.ndarray, np.ndarray, _Meshes]:
+        """Rows of features, nodes of grids and what belongs to meshes, whose parts come last."""
+        rows: list[np.ndarray] = []
+        nodes: list[np.ndarray] = []
+        meshes = _Meshes()
+        materials, length = wall_materials(scene), self._units.length
+        for wall in sorted(scene.walls, key=lambda wall: isinstance(wall, Mesh)):
+            motion = self.motions.of(wall)
+            if isinstance(wall, Sdf):
+                found = _grids(wall, self._units, nodes)
+            elif isinstance(wall, Mesh):
+                found = meshes.add(wall, length, motion, sum(map(len, rows)))
+            else:
+                found = np.concatenate(_primitives(wall, length) or [np.zeros(0, _ROW)])
+            found["owner"], found["motion"] = self.names.index(wall.name), motion
+            found["kind"] = materials.index(wall.material)
+            rows.append(found)
+        return np.concatenate([np.zeros(0, _ROW), *rows]).astype(_ROW), _joined(nodes, (0, 4)), meshes
+
     def _array(self, record: Any, values: Any) -> wp.array:
         if len(values):
             return wp.array(values, dtype=record, device=self._device)
@@ -105,43 +118,60 @@ def wall_materials(scene: Scene) -> list[str]:
     return list(dict.fromkeys(w.material for w in scene.walls))
 
 
-def _scaled(value: Any, factor: float) -> Any:
-    return value * factor if isinstance(value, int | float) else wp.vec3d(*(factor * float(x) for x in value))
+_ROW = Feature.numpy_dtype()
 
 
-def _features(wall: Any) -> list[dict[str, Any]]:
-    if isinstance(wall, Plane):
-        return [_plane(wall.point, wall.normal)]
-    if isinstance(wall, Box):
-        return [_plane(p.point, p.normal) for p in wall.planes()]
-    start, end = np.array(wall.start), np.array(wall.end)
-    length = float(np.linalg.norm(end - start))
-    axis = (end - start) / length
-    r0, r1 = (wall.radius, wall.radius) if isinstance(wall, Cylinder) else (wall.radius_start, wall.radius_end)
-    found = [
-        {
-            "shape": MANTLE,
-            "point": wp.vec3d(*start),
-            "axis": wp.vec3d(*axis),
-            "length": length,
-            "r0": r0,
-            "r1": r1,
-            "outside": int(wall.outside),
-        }
-    ]
-    if wall.closed_start:
-        found.append(_plane(start, axis))
-    if wall.closed_end:
-        found.append(_plane(end, -axis))
+def _rows(n: int = 1, **fields: Any) -> np.ndarray:
+    """Rows of features with some of their fields."""
+    found = np.zeros(n, _ROW)
+    for name, value in fields.items():
+        found[name] = value
     return found
 
 
-def _grids(wall: Sdf, units: Units, nodes: list[np.ndarray]) -> list[dict[str, Any]]:
-    """One feature for each part of a wall; the rows of its nodes are appended to those that are there already."""
-    found = []
-    for values in wall.values:
-        feature = {"shape": GRID, "point": wall.origin, "length": wall.spacing, "first": sum(map(len, nodes))}
-        found.append({**feature, "size": wp.vec3i(*values.shape)})
+def _joined(arrays: list[np.ndarray], shape: Any) -> np.ndarray:
+    return np.concatenate(arrays) if arrays else np.zeros(shape)
+
+
+def _primitives(wall: Plane | Box | Cylinder | Frustum, length: float) -> list[np.ndarray]:
+    """Planes and mantles of a wall, lengths divided by `length`."""
+    if isinstance(wall, Plane):
+        return [_plane(wall.point, wall.normal, length)]
+    if isinstance(wall, Box):
+        return [_plane(p.point, p.normal, length) for p in wall.planes()]
+    start, end = np.array(wall.start), np.array(wall.end)
+    height = float(np.linalg.norm(end - start))
+    axis = (end - start) / height
+    r0, r1 = (wall.radius, wall.radius) if isinstance(wall, Cylinder) else (wall.radius_start, wall.radius_end)
+    found = [
+        _rows(
+            shape=MANTLE,
+            outside=wall.outside,
+            point=start / length,
+            axis=axis,
+            length=height / length,
+            r0=r0 / length,
+            r1=r1 / length,
+        )
+    ]
+    if wall.closed_start:
+        found.append(_plane(start, axis, length))
+    if wall.closed_end:
+        found.append(_plane(end, -axis, length))
+    return found
+
+
+def _plane(point: Any, normal: Any, length: float) -> np.ndarray:
+    return _rows(shape=PLANE, point=np.array(point) / length, axis=normal)
+
+
+def _grids(wall: Sdf, units: Units, nodes: list[np.ndarray]) -> np.ndarray:
+    """A feature for each part of a wall; the rows of its nodes are appended to those that are there already."""
+    length = units.length
+    place = {"point": np.array(wall.origin) / length, "length": wall.spacing / length, "size": wall.values.shape[1:]}
+    found = _rows(len(wall.values), shape=GRID, **place)
+    for part, values in enumerate(wall.values):
+        found["first"][part] = sum(map(len, nodes))
         nodes.append(field_nodes(values, wall.spacing, units))
     return found
 
@@ -158,5 +188,30 @@ def field_nodes(values: np.ndarray, spacing: float, units: Units) -> np.ndarray:
     return np.stack([*gradient, values / units.length], axis=-1).reshape(-1, 4)
 
 
-def _plane(point: Any, normal: Any) -> dict[str, Any]:
-    return {"shape": PLANE, "point": wp.vec3d(*point), "axis": wp.vec3d(*normal)}
+class _Meshes:
+    """What belongs to meshes: half-spaces, and the grids over their parts; see `Walls`."""
+
+    def __init__(self) -> None:
+        self.spaces: list[np.ndarray] = []
+        self.cells: list[Any] = []
+        self.start: list[np.ndarray] = []
+        self.part: list[np.ndarray] = []
+        self.lowest: list[np.ndarray] = []
+
+    def add(self, wall: Mesh, length: float, motion: int, first: int) -> np.ndarray:
+        """The features of a mesh, the first of which has the index `first`."""
+        parts = mesh_features(wall.triangles / length)
+        grid = box_grid(parts.low, parts.high)
+        cells = MeshCells()
+        cells.motion, cells.inverse = motion, 1 / grid.edge
+        cells.reference, cells.origin = wp.vec3d(*parts.reference), wp.vec3d(*grid.origin)
+        cells.cells, cells.start = wp.vec3i(*grid.cells.tolist()), sum(map(len, self.start))
+        spaces, entries = sum(map(len, self.spaces)) // 2, sum(map(len, self.part))
+        self.cells.append(cells)
+        self.spaces.append(parts.spaces.reshape(-1, 3))
+        self.start.append(grid.start + entries)
+        self.part.append(grid.boxes + first)
+        self.lowest.append(grid.lowest)
+        found = _rows(len(parts.shape), shape=parts.shape, point=parts.reference, base=parts.base, axis=parts.axis)
+        found["first"], found["size"][:, 0] = parts.first + spaces, parts.count
+        return found
