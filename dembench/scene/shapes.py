@@ -182,7 +182,8 @@ class Grain(Model):
         inner = np.array(size) / 2 - rounding
         if not (inner > 0).all():
             raise ValueError(f"rounding {rounding:g} m must be below half of the shortest edge {min(size):g} m")
-        corner = np.array(size) / 2 + (2 * rounding if reach is None else reach) + 2 * spacing
+        corner = np.array(size) / 2 + (2 * rounding if reach is None else reach) + spacing
+        corner = spacing * np.ceil(corner / spacing)  # nodes as symmetric as the box
         steps = np.linspace(-1, 1, probes)
         lattice = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
         shell = lattice[np.abs(lattice).max(axis=1) == 1] * inner
