@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import inspect
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from dembench.scene import Rigid, Scene, features, scene_from_arrays
 from dembench.scene.overlap import largest_overlap
 from dembench.solver import soft
+from dembench.solver.drive import Drive
+from dembench.solver.energy import Balance, Energy, kinetic
 from dembench.solver.export import write_csv, write_vtkhdf
 from dembench.solver.full import FullSpheres, check_device
 from dembench.solver.full_state import FullState
@@ -61,6 +63,7 @@ class Simulation:
         scene, dt: See above.
         settings: The arguments beside the scene, by name.
         steps: Steps made.
+        drive: Forces from outside; set by `set_force`, `set_torque` and `add_spring`.
         warnings: What the user should know about the settings.
         compile_seconds: Time spent on compiling or loading kernels [s].
 
@@ -101,6 +104,8 @@ class Simulation:
         self.steps = 0
         # by id, of all bodies that are or were there
         self._species, self._radii, self._masses = scene.bodies.species, scene.radii(), scene.masses()
+        self.drive = Drive(len(scene.bodies), halves=method == "soft-sphere")
+        self._balance = Balance()
         self.units = scene_units(scene)
         self.warnings = [] if method == "impulse" else check_step(scene, self.dt, allow_unstable)
         lists = lists or ("half" if device == "cpu" else "full")
@@ -170,7 +175,7 @@ class Simulation:
         made = 0
         while made < n:
             try:
-                done = self._stepper.advance(n - made, self.steps)
+                done = self._advance(n - made)
             except SolverError as error:
                 text = f"step {self.steps} (t = {self.time:g} s, dt = {self.dt:g} s): {error}"
                 raise SolverError(text, error.reason) from None
@@ -275,13 +280,15 @@ class Simulation:
 
     def kinetic_energy(self) -> float:
         """Translational and rotational kinetic energy [J]."""
-        spin, moments = self.angular_velocity, 0.4 * (self.masses * self.radii**2)[:, None]
-        if features(self.scene).shapes:
-            axes = np.array([s.shape.solid.axes if s.shape else np.eye(3) for s in self.scene.species])
-            spin = Rotation.from_quat(self.orientation).apply(spin, inverse=True)
-            spin, moments = np.einsum("ijk,ij->ik", axes[self.species], spin), self.scene.moments()[self.ids]
-        energy = self.masses @ (self.velocity**2).sum(axis=1) + (moments * spin**2).sum()
-        return 0.5 * float(energy)
+        return sum(kinetic(self))
+
+    def energy(self) -> Energy:
+        """The energy and its balance, which begins with the first call and anew after a change from outside.
+
+        Raises:
+            SolverError: As for `contacts`.
+        """
+        return self._balance.energy(self)
 
     def counters(self) -> dict[str, float]:
         """Figures about the run, by name."""
@@ -327,6 +334,66 @@ class Simulation:
         """
         write_vtkhdf(Path(path), self)
 
+    # ---- forces from outside
+
+    def set_force(self, force: Any) -> None:
+        """Constant forces on the bodies [N], shape (n, 3), from now on.
+
+        Raises:
+            SolverError: The shape or a value is not accepted, or the solver cannot: full lists, bodies not spheres.
+        """
+        self._drivable()
+        self.drive.set_force(self.ids, self._vectors("force", force))
+
+    def set_torque(self, torque: Any) -> None:
+        """Constant torques on the bodies [N m], shape (n, 3), from now on; errors as for `set_force`."""
+        self._drivable()
+        self.drive.set_torque(self.ids, self._vectors("torque", torque))
+
+    def add_spring(
+        self, body: int, stiffness: float, anchor: Any, velocity: Any = (0.0, 0.0, 0.0), damping: float = 0.0
+    ) -> int:
+        """Ties a body to an anchor that moves: a force k (a - x) + c (v_a - v) on its centre.
+
+        The spring is explicit: stable while the step is below 2 sqrt(m / k).
+
+        Args:
+            body: Id of the body.
+            stiffness, damping: k [N/m] and c [N s/m].
+            anchor, velocity: Where the anchor is now [m], shape (3,), and its velocity [m/s].
+
+        Returns:
+            Index of the spring, for `spring_force`.
+
+        Raises:
+            SolverError: As for `set_force`, or there is no such body.
+        """
+        self._drivable()
+        if body not in self.ids:
+            raise SolverError(f"body: there is no body {body}; there are {self.state.total} bodies, see `ids`")
+        return self.drive.add_spring(int(body), stiffness, anchor, velocity, damping, self.time)
+
+    def spring_force(self, spring: int) -> np.ndarray:
+        """Force of a spring on its body now [N], shape (3,); 0 where the body has left."""
+        return self.drive.spring_forces(self.state, self.time)[spring]
+
+    def _drivable(self) -> None:
+        if isinstance(self._stepper, FullSpheres | SoftShapes | ImpulseShapes):
+            raise SolverError("forces from outside act on spheres with half lists only")
+
+    def _advance(self, n: int) -> int:
+        """Up to n steps, one where forces from outside act; returns how many."""
+        if not self.drive.active:
+            return self._stepper.advance(n, self.steps)
+        if isinstance(self._stepper, rigid.Impulses):
+            gain = self.drive.acceleration(self.state, self.time) * self.dt
+            self._stepper.expect(gain / self.units.velocity)
+        self.drive.before(self.state, self.time, self.dt)
+        while not self._stepper.advance(1, self.steps):
+            pass
+        self.drive.after(self.state, self.time + self.dt, self.dt)
+        return 1
+
     # ---- bodies that leave and come
 
     def remove(self, ids: Any) -> None:
@@ -344,6 +411,7 @@ class Simulation:
         if len(missing):
             raise SolverError(f"ids: there is no body {missing[0]}; there are {self.state.total} bodies, see `ids`")
         if len(ids):
+            self._balance.begin = math.nan
             self._relist(remove(self.state, np.isin(self.state.identity.numpy()[: self.state.total], ids)))
 
     def insert(
@@ -369,7 +437,9 @@ class Simulation:
             self._species = np.concatenate([self._species, new.species])
             self._radii, self._masses = np.append(self._radii, new.radii), np.append(self._masses, new.masses)
             insert(self.state, new.columns(), ids)
+            self.drive.grow(self.state.limit)
             self._changed = True
+            self._balance.begin = math.nan
         return ids
 
     def _can_change(self) -> None:
@@ -389,6 +459,7 @@ class Simulation:
                 array[np.isin(self.ids, constraint.bodies)] = 0
         self.state.write(name, first, array, scale)
         self._changed = True
+        self._balance.begin = math.nan
 
     def _vectors(self, field: str, value: Any) -> np.ndarray:
         """A copy of an array with a finite vector for each body; SolverError names the field and the body."""

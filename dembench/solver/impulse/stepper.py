@@ -54,6 +54,9 @@ class Impulses:
         precision: "float32" or "float64".
         velocity_sweeps, position_sweeps: Largest number of sweeps of each kind per step.
         stabilization: Where matter is at rest, carry on after the sweeps until its weight is carried.
+
+    Attributes:
+        kernels: Kernels that must be loaded before the first step.
     """
 
     def __init__(
@@ -84,6 +87,7 @@ class Impulses:
         self._gravity = wp.vec3d(*gravity)
         self._fall = math.hypot(*gravity) * self.dt
         self._limits = self._limit(velocity_sweeps, position_sweeps, precision)
+        self.expect(0.0)
         self._flags = wp.zeros(9, dtype=wp.int32, device="cpu")
         self._travel = wp.zeros(5, dtype=wp.float64, device="cpu")
         self._steps = 0
@@ -121,10 +125,15 @@ class Impulses:
         d, limits = self.state.diameter, limit_types(precision)()
         limits.velocity_sweeps, limits.position_sweeps = velocity_sweeps, position_sweeps
         limits.stabilization_sweeps = STABILIZATION_SWEEPS
-        limits.event, limits.still = EVENT * self._fall, STILL * EVENT * self._fall
-        limits.fast, limits.share, limits.calm = FAST * self._fall, SHARE, CALM * self._fall
+        limits.share = SHARE
         limits.margin, limits.slop, limits.near = MARGIN * d, SLOP * d, NEAR_SKIN * d
         return limits
+
+    def expect(self, gain: float) -> None:
+        """Forces from outside give bodies up to this speed in a step [scene units]: as with gravity, it is no event."""
+        fall, limits = self._fall + gain, self._limits
+        limits.event, limits.still = EVENT * fall, STILL * EVENT * fall
+        limits.fast, limits.calm = FAST * fall, CALM * fall
 
     def largest_overlap(self) -> float:
         """Largest overlap that a step has left [scene units]."""

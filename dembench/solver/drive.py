@@ -1,0 +1,133 @@
+"""Forces, torques and springs from outside that act on bodies.
+
+They kick the bodies between steps. Steps of the soft-sphere solver get half of the kick before and half after them,
+which is velocity Verlet with the force from outside; steps of the impulse solver get all of it before, as with gravity,
+so that contacts answer it. A run without them does nothing here.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dembench.solver.guard import SolverError
+
+
+class Drive:
+    """What acts on the bodies of a simulation from outside.
+
+    Args:
+        bodies: Number of bodies.
+        halves: Whether half of a kick follows the step.
+
+    Attributes:
+        force, torque: [N] and [N m], by id, shape (ids, 3).
+        body: Id of the body that each spring pulls, shape (k,).
+        stiffness, damping: Of each spring, [N/m] and [N s/m], shape (k,).
+        anchor, velocity: Where the anchor of each spring is at time 0 [m] and its velocity [m/s], shape (k, 3).
+        work: Work done on bodies so far [J].
+        active: Whether anything acts.
+    """
+
+    def __init__(self, bodies: int, halves: bool):
+        self.force, self.torque = np.zeros((bodies, 3)), np.zeros((bodies, 3))
+        self.body = np.zeros(0, dtype=np.int64)
+        self.stiffness, self.damping = np.zeros(0), np.zeros(0)
+        self.anchor, self.velocity = np.zeros((0, 3)), np.zeros((0, 3))
+        self.work = 0.0
+        self.active = False
+        self._halves = halves
+        self._slots = np.zeros(0, dtype=np.int64)
+        self._of_build = -1
+
+    def grow(self, bodies: int) -> None:
+        """Makes room for more ids."""
+        more = np.zeros((bodies - len(self.force), 3))
+        self.force, self.torque = np.concatenate([self.force, more]), np.concatenate([self.torque, more])
+
+    def set_force(self, ids: np.ndarray, force: np.ndarray) -> None:
+        """Forces on bodies [N], shape (k, 3)."""
+        self.force[ids] = force
+        self._look()
+
+    def set_torque(self, ids: np.ndarray, torque: np.ndarray) -> None:
+        """Torques on bodies [N m], shape (k, 3)."""
+        self.torque[ids] = torque
+        self._look()
+
+    def _look(self) -> None:
+        self.active = bool(self.force.any() or self.torque.any() or len(self.body))
+
+    def add_spring(self, body: int, stiffness: float, anchor: Any, velocity: Any, damping: float, time: float) -> int:
+        """Adds a spring whose anchor is at `anchor` [m] at `time` [s]; returns its index."""
+        for name, number in (("stiffness", stiffness), ("damping", damping)):
+            if not (np.isfinite(number) and number >= 0):
+                raise SolverError(f"{name}: {number} is given; accepted are numbers from 0 on")
+        ends = {"anchor": np.array(anchor, dtype=float), "velocity": np.array(velocity, dtype=float)}
+        for name, vector in ends.items():
+            if vector.shape != (3,) or not np.isfinite(vector).all():
+                raise SolverError(f"{name}: {vector} is given; accepted are three finite numbers")
+        self.body = np.append(self.body, body)
+        self.stiffness, self.damping = np.append(self.stiffness, stiffness), np.append(self.damping, damping)
+        self.anchor = np.vstack([self.anchor, ends["anchor"] - time * ends["velocity"]])
+        self.velocity = np.vstack([self.velocity, ends["velocity"]])
+        self.active = True
+        return len(self.body) - 1
+
+    def spring_forces(self, state: Any, time: float) -> np.ndarray:
+        """Force of every spring on its body [N], shape (k, 3), 0 where the body is gone: k (a - x) + c (v_a - v)."""
+        slots = self._slots_of(state, self.body)
+        kin, u = state.bodies.kin.numpy()[np.maximum(slots, 0)], state.units
+        stretch = self.anchor + time * self.velocity - kin[:, :3] * u.length
+        rate = self.velocity - kin[:, 3:6] * u.velocity
+        force = self.stiffness[:, None] * stretch + self.damping[:, None] * rate
+        return np.where(slots[:, None] >= 0, force, 0.0)
+
+    def before(self, state: Any, time: float, dt: float) -> None:
+        """The kick before a step of dt [s] that begins at `time` [s]."""
+        self._kick(state, time, 0.5 * dt if self._halves else dt)
+
+    def after(self, state: Any, time: float, dt: float) -> None:
+        """The kick after a step of dt [s] that ends at `time` [s]."""
+        if self._halves:
+            self._kick(state, time, 0.5 * dt)
+
+    def acceleration(self, state: Any, time: float) -> float:
+        """Largest acceleration of a body by forces from outside [m/s^2]."""
+        ids, force, _torque = self._loads(state, time)
+        slots = self._slots_of(state, ids)
+        inverse = state.bodies.inv_m.numpy()[slots].astype(np.float64) / state.units.mass
+        return float((np.linalg.norm(force, axis=1) * inverse).max(initial=0.0))
+
+    def _loads(self, state: Any, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Ids of the driven bodies that are there, the force [N] and the torque [N m] on each."""
+        there = self._slots_of(state, np.arange(len(self.force))) >= 0
+        driven = (self.force != 0).any(axis=1) | (self.torque != 0).any(axis=1)
+        driven[self.body] = True
+        ids = np.flatnonzero(driven & there)
+        force = self.force[ids].copy()
+        held = there[self.body]
+        np.add.at(force, np.searchsorted(ids, self.body[held]), self.spring_forces(state, time)[held])
+        return ids, force, self.torque[ids]
+
+    def _kick(self, state: Any, time: float, dt: float) -> None:
+        ids, force, torque = self._loads(state, time)
+        slots, u, b = self._slots_of(state, ids), state.units, state.bodies
+        kin, spin = b.kin.numpy(), b.spin.numpy()
+        push = (dt / u.time) * force / u.force
+        turn = (dt / u.time) * torque / u.energy
+        gain = push * b.inv_m.numpy()[slots, None].astype(np.float64)
+        swing = turn * b.inv_i.numpy()[slots, None].astype(np.float64)
+        velocity, rate = kin[slots, 3:6], spin[slots, :3].astype(np.float64)
+        self.work += float((push * (velocity + gain / 2)).sum() + (turn * (rate + swing / 2)).sum()) * u.energy
+        kin[slots, 3:6] = velocity + gain
+        spin[slots, :3] = rate + swing
+
+    def _slots_of(self, state: Any, ids: np.ndarray) -> np.ndarray:
+        """Place of bodies in the sorted arrays, -1 where they are gone."""
+        if self._of_build != state.rebuilds or len(self._slots) != state.limit:
+            self._of_build = state.rebuilds
+            self._slots = np.full(state.limit, -1, dtype=np.int64)
+            self._slots[state.identity.numpy()[: state.total]] = np.arange(state.total)
+        return self._slots[ids]
