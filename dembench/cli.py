@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import typer
 
@@ -15,7 +15,7 @@ from dembench.campaign import Request
 from dembench.cases import registry as cases_registry
 from dembench.cases.base import CaseError
 from dembench.engines import registry
-from dembench.engines.base import Probe, SettingsError
+from dembench.engines.base import Division, Probe, SettingsError
 from dembench.engines.registry import UnknownEngine
 from dembench.initial.cache import cache_directory
 from dembench.recipes import Recipe
@@ -26,7 +26,7 @@ from dembench.runs.environment import available_cores, machine
 from dembench.runs.plan import PlannedRun, RequestError, parse_engines, split_list
 from dembench.runs.scheduler import Job
 from dembench.runs.supervise import CHECKPOINT, command_line
-from dembench.scene import Scene, SceneError
+from dembench.scene import Rigid, Scene, SceneError
 from dembench.verification import campaign as verification
 from dembench.verification import suites as suite_registry
 from dembench.verification.checks import Row, Suite
@@ -179,6 +179,61 @@ def write(
     for phase in phases:
         variables = "".join(f"{key}={value} " for key, value in phase.environment.items())
         console.line(f"  {variables}{' '.join(phase.command)}")
+
+
+@app.command()
+def timestep(
+    what: Annotated[str, typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")],
+    engine: Annotated[str, typer.Option(help="a,b[dt=1e-6,...]: engines to forecast")] = "peclet-hertz",
+    preset: PresetName = None,
+    initial: Initial = None,
+    seeds: Seeds = "0",
+    time: Time = None,
+    json_: Json = False,
+) -> None:
+    """Shows the time scales of a scene, the automatic step of the soft-sphere solver, and what a run would cost.
+
+    Engines are forecast with their steps of both divisions, from measured throughputs of one core.
+    """
+    from dembench.solver.timestep import choose_step
+
+    with _usage_errors():
+        request = _request([what], engine, preset, initial, seeds, 1, time, "6h", "closed", Path())
+        choices = parse_engines(engine)
+        with console.bar(json_) as progress:
+            scene = campaign.build_scenes(request, progress)[0].scene
+        if isinstance(scene.law, Rigid):
+            raise RequestError("a rigid law has no contact time; give a scene with hertz-mindlin or linear")
+        found = choose_step(scene)
+        forecasts = [
+            (adapter.name, division, settings.dt, adapter.estimate(scene, settings))
+            for choice in choices
+            for adapter in (registry.engine(choice.engine),)
+            for division in get_args(Division)
+            for settings in (adapter.settings(scene, division, choice.overrides),)
+        ]
+    if json_:
+        names = ("engine", "division", "step", "seconds")
+        _print_json({**found.plain(), "forecasts": [dict(zip(names, row, strict=True)) for row in forecasts]})
+        return
+    console.table(
+        ("quantity", "value"),
+        [
+            ("Rayleigh time", f"{found.rayleigh:.3g} s"),
+            ("fastest impact", f"{found.speed:.3g} m/s"),
+            ("largest overlap", f"{found.overlap:.3g} m"),
+            ("shortest contact", f"{found.contact_time:.3g} s"),
+            ("critical step", f"{found.critical:.3g} s"),
+            ("automatic step", f"{found.step:.3g} s, {found.step / found.rayleigh:.2g} Rayleigh times"),
+            ("bound by", found.bound),
+            ("steps", f"{found.steps}"),
+            ("forecast", console.duration(found.seconds)),
+        ],
+    )
+    console.table(
+        ("engine", "division", "step", "forecast"),
+        [(name, division, f"{dt:.3g} s", console.duration(cost)) for name, division, dt, cost in forecasts],
+    )
 
 
 @app.command()

@@ -11,9 +11,6 @@ from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe
 from dembench.engines.in_tree import probe_solver, read_series, write_deck
 from dembench.scene import Scene
 
-PARTICLE_STEPS_PER_SECOND = 5e6
-"""Throughput of one core on which run-time estimates are based."""
-
 
 class PecletHertzSettings(EngineSettings):
     """Settings of a peclet-hertz run.
@@ -23,12 +20,14 @@ class PecletHertzSettings(EngineSettings):
         arithmetic: Precision of differences, forces and spins; positions and velocities are float64 always.
         midpoint: Dashpots use the mean velocity of the step, which allows a larger step.
         allow_unstable: Accept a step beyond the stability guard.
+        softening: Softer materials within the overlap budget; another law, which the report marks.
     """
 
     threads: Annotated[int, Field(ge=1)] = 1
     arithmetic: Literal["float32", "float64"] = "float32"
     midpoint: bool = False
     allow_unstable: bool = False
+    softening: bool = False
 
     def cores(self) -> int:
         """See `EngineSettings.cores`."""
@@ -58,12 +57,30 @@ class PecletHertz(Engine):
         return unsupported(scene)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
-        """Closed: the scene's step. Open: a quarter Rayleigh step, at most an eighth of the shortest contact."""
+        """Closed: the scene's step. Open: the automatic step with midpoint dashpots."""
         if division == "closed":
             return {"dt": scene.closed_step()}
-        from dembench.solver.guard import shortest_contact
+        from dembench.solver.timestep import choose_step
 
-        return {"dt": min(0.25 * scene.rayleigh_time(), shortest_contact(scene) / 8), "midpoint": True}
+        return {"dt": choose_step(scene).step, "midpoint": True}
+
+    def settings(self, scene: Scene, division: Division, overrides: dict[str, str] | None = None) -> Any:
+        """See `Engine.settings`; in the open division softer materials have the automatic step of their own."""
+        made = super().settings(scene, division, overrides)
+        if not made.softening or division == "closed" or "dt" in (overrides or {}):
+            return made
+        from dembench.solver.softening import softening_of
+        from dembench.solver.timestep import choose_step
+
+        return made.model_copy(update={"dt": choose_step(softening_of(scene).apply(scene), made.midpoint).step})
+
+    def law(self, scene: Scene, settings: PecletHertzSettings) -> str:
+        """See `Engine.law`."""
+        if not settings.softening:
+            return ""
+        from dembench.solver.softening import softening_of
+
+        return softening_of(scene).text()
 
     def write(self, scene: Scene, settings: PecletHertzSettings, directory: Path) -> list[Phase]:
         """See `Engine.write`."""
@@ -75,12 +92,13 @@ class PecletHertz(Engine):
 
     def estimate(self, scene: Scene, settings: PecletHertzSettings) -> float:
         """See `Engine.estimate`."""
-        steps = scene.duration / settings.dt
-        return 10 + steps * max(len(scene.bodies), 100) / PARTICLE_STEPS_PER_SECOND / settings.threads
+        from dembench.solver.timestep import seconds_of
+
+        return 10 + seconds_of(scene, settings.dt) / settings.threads
 
     def simulation(self, scene: Scene, settings: dict[str, Any]) -> Any:
         """The simulation that the child process steps."""
         from dembench.solver import Simulation
 
         s = PecletHertzSettings(**settings)
-        return Simulation(scene, s.dt, s.threads, s.arithmetic, s.midpoint, s.allow_unstable)
+        return Simulation(scene, s.dt, s.threads, s.arithmetic, s.midpoint, s.allow_unstable, softening=s.softening)

@@ -29,7 +29,9 @@ from dembench.solver.periodic import wrapped
 from dembench.solver.population import drain, insert, remove
 from dembench.solver.saving import read_state, restore, write_state
 from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes, refuse_for_shapes
+from dembench.solver.softening import softening_of
 from dembench.solver.state import State
+from dembench.solver.timestep import choose_step
 from dembench.solver.units import scene_units
 
 Stepper = soft.SoftSpheres | FullSpheres | rigid.Impulses | compliant.CompliantImpulses | SoftShapes | ImpulseShapes
@@ -40,7 +42,8 @@ class Simulation:
 
     Args:
         scene: What is simulated.
-        dt: Time step [s]; None takes the step of the closed division.
+        dt: Time step [s]; None takes the step of the closed division, "auto" what `timestep.choose_step` chooses for
+            the soft-sphere solver.
         threads: Threads that share a step of the soft-sphere solver.
         precision: "float32" (positions and velocities are float64 all the same) or "float64" throughout.
         midpoint: Dashpots use the mean velocity of the step, which allows a larger step.
@@ -58,6 +61,8 @@ class Simulation:
         device: "cpu", or a CUDA device such as "cuda:0" for the soft-sphere solver.
         lists: Neighbour lists of the soft-sphere solver: "half" (threads of the CPU) or "full" (CUDA devices; also runs
             on the CPU, with one thread). None takes what the device needs.
+        softening: Softer materials for the soft-sphere solver, within the overlap budget of `softening.softening_of`;
+            `warnings` then says how soft.
 
     Attributes:
         scene, dt: See above.
@@ -74,7 +79,7 @@ class Simulation:
     def __init__(
         self,
         scene: Scene,
-        dt: float | None = None,
+        dt: float | Literal["auto"] | None = None,
         threads: int = 1,
         precision: str = "float32",
         midpoint: bool = False,
@@ -87,6 +92,7 @@ class Simulation:
         stabilization: bool = True,
         device: str = "cpu",
         lists: Literal["half", "full"] | None = None,
+        softening: bool = False,
     ):
         settings = {name: value for name, value in locals().items() if name not in ("self", "scene")}
         method = method or ("impulse" if isinstance(scene.law, Rigid) else "soft-sphere")
@@ -99,7 +105,11 @@ class Simulation:
             faults = soft.unsupported(scene)
         if faults:
             raise SolverError(f"the {method} solver cannot do: " + "; ".join(faults))
-        self.scene, self.dt = scene, dt or scene.closed_step()
+        if method != "soft-sphere" and (softening or dt == "auto"):
+            raise SolverError(f"softening and dt 'auto' are for the soft-sphere solver, not for {method}")
+        softer = softening_of(scene) if softening else None
+        self.scene, solved = scene, softer.apply(scene) if softer else scene
+        self.dt = choose_step(solved, midpoint).step if dt == "auto" else dt or scene.closed_step()
         self.settings = {**settings, "dt": self.dt}
         self.steps = 0
         # by id, of all bodies that are or were there
@@ -107,7 +117,8 @@ class Simulation:
         self.drive = Drive(len(scene.bodies), halves=method == "soft-sphere")
         self._balance = Balance()
         self.units = scene_units(scene)
-        self.warnings = [] if method == "impulse" else check_step(scene, self.dt, allow_unstable)
+        self.warnings = [] if method == "impulse" else check_step(solved, self.dt, allow_unstable)
+        self.warnings += [softer.text()] if softer else []
         lists = lists or ("half" if device == "cpu" else "full")
         check_device(device, lists, method)
         if lists == "full" and scene.sinks:
@@ -121,10 +132,10 @@ class Simulation:
                 sweeps = (velocity_sweeps or 8, position_sweeps)
                 self._stepper = ImpulseShapes(scene, self.state, self.dt, *sweeps)
             else:
-                self._stepper = SoftShapes(scene, self.state, self.dt, LawOptions.of(scene, "float64", midpoint))
+                self._stepper = SoftShapes(solved, self.state, self.dt, LawOptions.of(scene, "float64", midpoint))
         elif lists == "full":
             self.state = state = FullState(scene, self.units, precision, device)
-            self._stepper = FullSpheres(scene, state, self.dt, precision, midpoint)
+            self._stepper = FullSpheres(solved, state, self.dt, precision, midpoint)
         elif method == "impulse":
             self.state = State(scene, self.units, precision, 1)
             if rows == "rigid":
@@ -135,7 +146,7 @@ class Simulation:
                 self._stepper = compliant.CompliantImpulses(scene, self.state, self.dt, precision, substeps, sweep)
         else:
             self.state = State(scene, self.units, precision, threads)
-            self._stepper = soft.SoftSpheres(scene, self.state, self.dt, precision, midpoint)
+            self._stepper = soft.SoftSpheres(solved, self.state, self.dt, precision, midpoint)
         begin = time.perf_counter()
         soft.load(device, *self._stepper.kernels, *vars(self.state.kernels).values())
         self.compile_seconds = time.perf_counter() - begin
