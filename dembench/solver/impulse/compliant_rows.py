@@ -1,12 +1,4 @@
-"""Compliant rows: contacts that carry the soft-sphere law through a substep, opened at its start.
-
-A row is kept for every pair whose spheres overlap or can meet within the substep, with the normal and the gap at its
-start. Every row begins with the elastic impulse of the overlap and of the tangential spring that it finds: where the
-force of the last substep was taken at its end, this is the whole impulse of the last substep.
-
-The spring grows by the sliding of the motion that was really made, the velocities after all rows, and not by that which
-a row foresaw: the energy in it is then the work of the motion.
-"""
+"""Compliant rows: contacts that carry the soft-sphere law through a substep; their records and what all parts share."""
 
 from dataclasses import dataclass, field
 from functools import cache
@@ -16,11 +8,9 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.laws import LawOptions
-from dembench.solver.pairs import ONE, TABLE, pair_lookup
-from dembench.solver.periodic import image_functions
+from dembench.solver.pairs import ONE, TABLE
 from dembench.solver.types import types, vec8d
-from dembench.solver.walls.distance import wall_functions
-from dembench.solver.walls.records import WallOptions, Walls
+from dembench.solver.walls.records import WallOptions
 
 AHEAD = wp.constant(12)
 """How many rows ahead the second body of a row is asked for."""
@@ -173,33 +163,15 @@ def impulse_function(precision: str) -> Any:
 
 
 @cache
-def opening_functions(o: CompliantOptions) -> Any:
-    """Warp functions `pairs`, `bigs` and `walls` that append rows of a substep and return how many rows there are,
-    the first two also the largest overlap.
+def surface_functions(o: CompliantOptions) -> Any:
+    """Warp functions `arm` (radius, overlap) and `spring` (memory, normal, slip, time): see `laws.contact_force`.
 
-    Each applies the impulses with which its rows begin, and forgets the memory of contacts that are open.
+    arm is the lever of the tangential force, spring the tangential spring in the tangent plane of today after it has
+    grown by a slip for a time.
     """
-    precision = o.law.precision
-    t = types(precision)
-    real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
-    Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
-    Rows = compliant_types(precision)
-    native = compliant_access(precision)
-    kin, spin, memory_of, set_memory, entry = (
-        native.kin,
-        native.spin,
-        native.memory_of,
-        native.set_memory,
-        native.entry,
-    )
-    change_of, set_change, set_impulse, put = native.change_of, native.set_change, native.set_impulse, native.put
-    ask_body = native.ask_body
-    after = impulse_function(precision)
-    of_pair, of_wall = pair_lookup(precision, o.pairs)
-    separation = image_functions(precision, o.periodic).separation
-    of_feature = wall_functions(o.walls)
-    distance_of, velocity_of = of_feature.distance, of_feature.velocity
-    friction, rescaled, shared = o.law.friction, o.law.rescaled, o.shared
+    t = types(o.law.precision)
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    rescaled = o.law.rescaled
 
     @wp.func
     def arm_of(radius: wp.float64, overlap: real):
@@ -209,252 +181,17 @@ def opening_functions(o: CompliantOptions) -> Any:
         return arm
 
     @wp.func
-    def spring_of(memory: vec4, n: vec3, slip: vec3, grown: real):
-        """The spring in the tangent plane of today; see `laws.contact_force`."""
+    def spring_of(memory: vec4, n: vec3, slip: vec3, time: real):
         xi = vec3(memory[0], memory[1], memory[2])
         if wp.static(rescaled):
             turned = xi - wp.dot(xi, n) * n
             length = wp.length(turned)
             if length > real(0.0):
                 turned = turned * (wp.length(xi) / length)
-            xi = turned + slip * grown
+            xi = turned + slip * time
         else:
-            xi = xi + slip * grown
+            xi = xi + slip * time
             xi = xi - wp.dot(xi, n) * n
         return xi
 
-    @wp.func
-    def first_impulse(n: vec3, overlap: real, xi: vec3, c: PairClass, h: real):
-        """Elastic impulse of the state at the start of a substep, within the bound of Coulomb."""
-        root = wp.sqrt(wp.max(overlap, real(0.0)))
-        normal = h * c.kn * overlap * root
-        p = vec3()
-        if overlap > real(0.0):
-            p = normal * n
-            if wp.static(friction):
-                lt = (-h * c.kt * root) * xi
-                bound = c.mu * normal
-                size2 = wp.dot(lt, lt)
-                if size2 > bound * bound:
-                    lt = lt * (bound / wp.sqrt(size2))
-                p = p + lt
-        return p
-
-    @wp.func
-    def open_row(
-        rows: Rows,
-        at: int,
-        i: int,
-        j: int,
-        slot: int,
-        n: vec3,
-        overlap: real,
-        v: vec3,
-        wi: vec3,
-        wj: vec3,
-        ai: real,
-        aj: real,
-        memory: vec4,
-        c: PairClass,
-        h: real,
-        grown: real,
-    ):
-        """Writes a row; returns the impulse with which it begins."""
-        g = v
-        xi = vec3()
-        if wp.static(friction):
-            g = v + wp.cross(n, ai * wi + aj * wj)
-            if overlap > real(0.0) and memory[3] != real(0.0):
-                xi = spring_of(memory, n, g - wp.dot(g, n) * n, grown)
-        p = first_impulse(n, overlap, xi, c, h)
-        put(rows, at, i, j, slot, vec8(n[0], n[1], n[2], overlap, g[0], g[1], g[2], ai))
-        set_impulse(rows, at, vec8(xi[0], xi[1], xi[2], aj, p[0], p[1], p[2], real(0.0)))
-        return p
-
-    @wp.func
-    def pairs(
-        b: Bodies,
-        lists: Lists,
-        count: int,
-        one: PairClass,
-        table: wp.array(dtype=PairClass),
-        columns: int,
-        h: real,
-        grown: real,
-        reach: wp.float64,
-        rows: Rows,
-    ):
-        """Rows of the near pairs, which stand sorted by i: what concerns i is read and written once per run.
-
-        No two small bodies approach by more than `reach` within the substep; `one` are the constants that all pairs
-        share, where they do.
-        """
-        found = int(0)
-        largest = real(0.0)
-        current = int(-1)
-        ki = vec8d()
-        ui = vec8()
-        wi = vec3()
-        c = PairClass()
-        if wp.static(shared):
-            c = one
-        for q in range(count):
-            k = entry(lists.near, q)
-            i, j = entry(lists.i, k), entry(lists.j, k)
-            if q + AHEAD < count:
-                ask_body(b, rows, entry(lists.j, entry(lists.near, q + AHEAD)))
-            if i != current:
-                if current >= 0:
-                    set_change(rows, current, ui)
-                current = i + 0
-                ki = kin(b, i)
-                ui = change_of(rows, i)
-                if wp.static(friction):
-                    w = spin(b, i)
-                    wi = vec3(w[0], w[1], w[2])
-            kj = kin(b, j)
-            d = separation(b, ki, kj)
-            sum = ki[6] + kj[6]
-            r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-            kept = int(0)
-            if r2 < (sum + reach) * (sum + reach):
-                # (sum^2 - r^2)/(sum + r) keeps the overlap exact in single precision where sum - r would not
-                e = vec3(real(d[0]), real(d[1]), real(d[2]))
-                r = wp.length(e)
-                overlap = real(sum * sum - r2) / (real(sum) + r)
-                n = vec3(real(1.0), real(0.0), real(0.0))
-                if r > real(0.0):
-                    n = e * (real(1.0) / r)
-                v = vec3(real(d[3]), real(d[4]), real(d[5]))
-                if overlap - h * wp.min(wp.dot(v, n), real(0.0)) > real(0.0):
-                    kept = 1
-                    wj = vec3()
-                    if wp.static(friction):
-                        s = spin(b, j)
-                        wj = vec3(s[0], s[1], s[2])
-                    if wp.static(not shared):
-                        c = of_pair(b, i, j, table, columns)
-                        rows.c[found] = c
-                    ai, aj = arm_of(ki[6], overlap), arm_of(kj[6], overlap)
-                    m = memory_of(lists, k)
-                    p = open_row(rows, found, i, j, k, n, overlap, v, wi, wj, ai, aj, m, c, h, grown)
-                    found += 1
-                    if overlap > real(0.0):
-                        largest = wp.max(largest, overlap)
-                        turn = wp.cross(n, p)
-                        ui = after(ui, p, turn, ai)
-                        set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
-            if kept == 0:
-                if memory_of(lists, k)[3] != real(0.0):
-                    set_memory(lists.memory, k, vec4())
-        if current >= 0:
-            set_change(rows, current, ui)
-        return found, largest
-
-    @wp.func
-    def bigs(
-        b: Bodies,
-        lists: Lists,
-        count: int,
-        n_small: int,
-        total: int,
-        table: wp.array(dtype=PairClass),
-        columns: int,
-        h: real,
-        grown: real,
-        rows: Rows,
-        first: int,
-        common: int,
-    ):
-        """Rows of the candidates of large bodies; `common` rows share one row of the table."""
-        found = int(first)
-        largest = real(0.0)
-        for q in range(count):
-            i, j = lists.big_i[q], lists.big_j[q]
-            slot = (j - n_small) * total + i
-            ki, kj = kin(b, i), kin(b, j)
-            d = separation(b, ki, kj)
-            sum = ki[6] + kj[6]
-            inside = sum * sum - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-            e = vec3(real(d[0]), real(d[1]), real(d[2]))
-            r = wp.length(e)
-            overlap = real(inside) / (real(sum) + r)
-            n = vec3(real(1.0), real(0.0), real(0.0))
-            if r > real(0.0):
-                n = e * (real(1.0) / r)
-            v = vec3(real(d[3]), real(d[4]), real(d[5]))
-            memory = vec4(lists.big_memory[slot])
-            if overlap - h * wp.min(wp.dot(v, n), real(0.0)) > real(0.0):
-                c = of_pair(b, i, j, table, columns)
-                rows.c[found - common] = c
-                si, sj = spin(b, i), spin(b, j)
-                wi, wj = vec3(si[0], si[1], si[2]), vec3(sj[0], sj[1], sj[2])
-                ai, aj = arm_of(ki[6], overlap), arm_of(kj[6], overlap)
-                p = open_row(rows, found, i, j, slot, n, overlap, v, wi, wj, ai, aj, memory, c, h, grown)
-                found += 1
-                largest = wp.max(largest, overlap)
-                turn = wp.cross(n, p)
-                set_change(rows, i, after(change_of(rows, i), p, turn, ai))
-                set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
-            elif memory[3] != real(0.0):
-                lists.big_memory[slot] = vec4()
-        return found, largest
-
-    @wp.func
-    def walls(
-        b: Bodies,
-        lists: Lists,
-        count: int,
-        features: Walls,
-        total: int,
-        table: wp.array(dtype=PairClass),
-        columns: int,
-        h: real,
-        grown: real,
-        fall: real,
-        rows: Rows,
-        first: int,
-        common: int,
-    ):
-        """Rows of bodies at walls; `fall` is what gravity adds to a speed within the substep."""
-        found = int(first)
-        for q in range(count):
-            i, f = lists.wall_i[q], lists.wall_f[q]
-            k = kin(b, i)
-            x = wp.vec3d(k[0], k[1], k[2])
-            distance, normal = distance_of(features, f, 0, x)
-            overlap = real(k[6] - distance)
-            n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
-            dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, 0, x)
-            v = vec3(real(dv[0]), real(dv[1]), real(dv[2]))
-            memory = vec4(lists.wall_memory[q])
-            if overlap - h * (wp.min(wp.dot(v, n), real(0.0)) - fall) > real(0.0):
-                c = of_wall(b, i, features.features[f].kind, table, columns)
-                rows.c[found - common] = c
-                s = spin(b, i)
-                ai = arm_of(k[6], overlap)
-                p = open_row(
-                    rows,
-                    found,
-                    i,
-                    total,
-                    q,
-                    n,
-                    overlap,
-                    v,
-                    vec3(s[0], s[1], s[2]),
-                    vec3(),
-                    ai,
-                    real(0.0),
-                    memory,
-                    c,
-                    h,
-                    grown,
-                )
-                found += 1
-                set_change(rows, i, after(change_of(rows, i), p, wp.cross(n, p), ai))
-            elif memory[3] != real(0.0):
-                lists.wall_memory[q] = vec4()
-        return found
-
-    return SimpleNamespace(pairs=pairs, bigs=bigs, walls=walls)
+    return SimpleNamespace(arm=arm_of, spring=spring_of)

@@ -5,11 +5,11 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.impulse.compliant_opening import opening_functions
 from dembench.solver.impulse.compliant_rows import (
     CompliantOptions,
     compliant_access,
     compliant_types,
-    opening_functions,
 )
 from dembench.solver.impulse.compliant_substeps import stiffness_functions
 from dembench.solver.impulse.compliant_sweep import sweep_function

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import warp as wp
 
-from dembench.scene import HertzMindlin, Scene, features
+from dembench.scene import Rigid, Scene, features
 from dembench.solver.guard import SolverError
+from dembench.solver.impulse.compliant_contacts import touching
 from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types
 from dembench.solver.impulse.compliant_step import (
     BIG_OVERFLOW,
@@ -16,6 +17,7 @@ from dembench.solver.impulse.compliant_step import (
     TRAVEL,
     compliant_kernel,
 )
+from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.soft import unsupported_features
@@ -33,7 +35,7 @@ BIG_SKIN = 0.5
 
 
 class CompliantImpulses:
-    """Steps a state with the Hertz-Mindlin law in implicit rows, several substeps per step.
+    """Steps a state with the scene's soft-sphere law in implicit rows, several substeps per step.
 
     Args:
         scene: Its law and pair laws.
@@ -47,7 +49,7 @@ class CompliantImpulses:
     def __init__(self, scene: Scene, state: State, dt: float, precision: str, substeps: int | None, sweeps: int):
         self.state, self.dt = state, dt / state.units.time
         self.substeps, self.sweeps = substeps or 0, sweeps
-        options = CompliantOptions(
+        self._options = options = CompliantOptions(
             law=LawOptions.of(scene, precision, midpoint=False),
             pairs=lookup_mode(scene),
             alike=state.alike(),
@@ -56,7 +58,6 @@ class CompliantImpulses:
             periodic=state.periodic,
         )
         self.kernels = [compliant_kernel(options)]
-        self._shared = options.shared
         self._rows = compliant_types(precision)()
         self._tables = PairTables(scene, state.units, precision)
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
@@ -115,6 +116,14 @@ class CompliantImpulses:
             "most substeps of a step": int(flags[9]),
         }
 
+    def contacts(self) -> Touching:
+        """Contacts with the forces of the last substep; none before the first step and after a change from outside."""
+        s, flags, made = self.state, self._flags.numpy(), float(self._travel.numpy()[7])
+        count, big, wall = int(flags[4]), int(flags[10]), int(flags[11])
+        t = self._tables
+        inputs = [count, big, wall, made, s.bodies, s.lists, self._rows, s.walls.record, t.pairs, t.pair_columns]
+        return touching(self._options, inputs, self._rows, wall, made, s.lists)
+
     def _candidates(self) -> int:
         s = self.state
         near = s.near_count.numpy()
@@ -128,6 +137,8 @@ class CompliantImpulses:
         s.place_walls(time)
         s.rebuild()
         travel[:3] = 0.0, -1.0, -1.0
+        # the rows of the last substep refer to the old order
+        self._flags.numpy()[4] = 0
         if len(self._rows.u) <= s.total:
             self._allocate(len(self._rows.i))
 
@@ -143,13 +154,11 @@ class CompliantImpulses:
 def unsupported(scene: Scene) -> list[str]:
     """What of a scene compliant rows cannot do, one line each."""
     found = unsupported_features(scene)
-    if not isinstance(scene.law, HertzMindlin):
-        found.append(f"contact law {scene.law.kind}: compliant rows are those of Hertz-Mindlin")
-    elif scene.law.variant == "no-tension":
-        found.append(f"variant {scene.law.variant} of the contact law")
     has = features(scene)
     if has.rolling_friction:
         found.append("rolling friction")
     if has.shapes:
         found.append("compliant rows of bodies that are no spheres")
+    if isinstance(scene.law, Rigid):
+        found.append(f"contact law {scene.law.kind}: compliant rows need a stiffness")
     return found

@@ -5,7 +5,8 @@ overlap of the step, which follows from the present overlap d and the closing sp
 
     (2/5) kn d_max^(5/2) = (2/5) kn d^(5/2) + m* v^2/2
 
-Pairs that are still apart count where they can meet within the step, so that an impact finds the substeps it needs.
+In a linear law k = kn. Pairs that are still apart count where they can meet within the step, so that an impact finds
+the substeps that it needs.
 """
 
 from functools import cache
@@ -37,17 +38,22 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     separation = image_functions(o.law.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
-    shared = o.shared
+    shared, linear = o.shared, o.law.linear
 
     @wp.func
     def measure(c: PairClass, inverse: real, overlap: wp.float64, closing: wp.float64):
         zero, found = wp.float64(0.0), wp.float64(0.0)
         kn, w = wp.float64(c.kn), wp.float64(inverse)
         if kn > zero and w > zero:
-            stiff = wp.float64(1.5) * kn * w
-            d, v = wp.max(overlap, zero), wp.max(closing, zero)
-            square = stiff * stiff
-            found = square * square * stiff * (d * d * wp.sqrt(d) + wp.float64(1.25) * v * v / (w * kn))
+            if wp.static(linear):
+                stiff = kn * w
+                square = stiff * stiff
+                found = square * square * stiff
+            else:
+                stiff = wp.float64(1.5) * kn * w
+                d, v = wp.max(overlap, zero), wp.max(closing, zero)
+                square = stiff * stiff
+                found = square * square * stiff * (d * d * wp.sqrt(d) + wp.float64(1.25) * v * v / (w * kn))
         return found
 
     @wp.func

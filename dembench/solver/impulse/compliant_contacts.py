@@ -1,0 +1,150 @@
+"""What the compliant rows of the last substep say of the contacts: force, overlap, elastic energy."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types, surface_functions
+from dembench.solver.inspection import Touching
+from dembench.solver.pairs import pair_lookup
+from dembench.solver.periodic import image_functions
+from dembench.solver.types import types
+from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.records import Walls
+
+
+@cache
+def contact_kernel(o: CompliantOptions) -> Any:
+    """A kernel that measures the contacts of `count` rows at present: the normal with the overlap, and the energy.
+
+    The energy is (2/5) kn d^(5/2) + kt sqrt(d) xi^2/2, in a linear law kn d^2/2 + kt xi^2/2; 0 where the two are apart.
+    """
+    t = types(o.law.precision)
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
+    Rows = compliant_types(o.law.precision)
+    separation = image_functions(o.law.precision, o.periodic).separation
+    surface = surface_functions(o)
+    arm_of, spring_of = surface.arm, surface.spring
+    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
+    of_feature = wall_functions(o.walls)
+    distance_of, velocity_of = of_feature.distance, of_feature.velocity
+    friction, linear, shared = o.law.friction, o.law.linear, o.shared
+
+    @wp.func
+    def energy_of(overlap: real, xi: vec3, c: PairClass):
+        energy = real(0.0)
+        if overlap > real(0.0):
+            root = real(1.0)
+            share = real(0.5)
+            if wp.static(not linear):
+                root = wp.sqrt(overlap)
+                share = real(0.4)
+            energy = share * c.kn * overlap * overlap * root + real(0.5) * c.kt * root * wp.dot(xi, xi)
+        return energy
+
+    @wp.func
+    def spin(b: Bodies, i: int):
+        w = b.spin[i]
+        return vec3(w[0], w[1], w[2])
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def measure(
+        # inputs
+        count: int,
+        big: int,
+        wall: int,
+        made: real,
+        b: Bodies,
+        lists: Lists,
+        rows: Rows,
+        walls: Walls,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        # outputs
+        place: wp.array(dtype=vec4),
+        energy: wp.array(dtype=real),
+    ):
+        for r in range(count):
+            i, j, slot = rows.i[r], rows.j[r], rows.slot[r]
+            ki = b.kin[i]
+            x = wp.vec3d(ki[0], ki[1], ki[2])
+            v = wp.vec3d(ki[3], ki[4], ki[5])
+            n, s = wp.vec3d(), vec3()
+            overlap = wp.float64(0.0)
+            memory = vec4()
+            if r < wall:
+                kj = b.kin[j]
+                apart = separation(b, ki, kj)
+                d = wp.vec3d(apart[0], apart[1], apart[2])
+                n = wp.normalize(d)
+                v = wp.vec3d(apart[3], apart[4], apart[5])
+                overlap = ki[6] + kj[6] - wp.length(d)
+                s = arm_of(ki[6], real(overlap)) * spin(b, i) + arm_of(kj[6], real(overlap)) * spin(b, j)
+                if r < big:
+                    memory = lists.memory[slot]
+                else:
+                    memory = lists.big_memory[slot]
+            else:
+                f = lists.wall_f[slot]
+                distance, normal = distance_of(walls, f, 0, x)
+                n = normal
+                v = v - velocity_of(walls, f, 0, x)
+                overlap = ki[6] - distance
+                s = arm_of(ki[6], real(overlap)) * spin(b, i)
+                memory = lists.wall_memory[slot]
+            c = PairClass()
+            if wp.static(shared):
+                if r < big:
+                    c = of_pair(b, i, j, table, columns)
+                else:
+                    c = rows.c[r - big]
+            else:
+                c = rows.c[r]
+            m = vec3(real(n[0]), real(n[1]), real(n[2]))
+            xi = vec3()
+            if wp.static(friction):
+                g = vec3(real(v[0]), real(v[1]), real(v[2])) + wp.cross(m, s)
+                xi = spring_of(memory, m, g - wp.dot(g, m) * m, made)
+            place[r] = vec4(m[0], m[1], m[2], real(overlap))
+            energy[r] = energy_of(real(overlap), xi, c)
+
+    return measure
+
+
+def touching(o: CompliantOptions, inputs: list[Any], rows: Any, wall: int, made: float, lists: Any) -> Touching:
+    """The contacts that the rows of the last substep have left.
+
+    Args:
+        o: Options of the kernel that made the rows.
+        inputs: What the kernel takes.
+        rows: The rows.
+        wall: First row of walls.
+        made: The last substep [scene units].
+        lists: The lists that the rows refer to.
+    """
+    count, t = inputs[0], types(o.law.precision)
+    place = wp.zeros(max(1, count), dtype=t.vec4, device="cpu")
+    energy = wp.zeros(max(1, count), dtype=t.real, device="cpu")
+    wp.launch(contact_kernel(o), dim=1, device="cpu", inputs=inputs, outputs=[place, energy])
+    normal, overlap = np.split(place.numpy()[:count].astype(float), [3], axis=1)
+    kept = np.flatnonzero(overlap[:, 0] > 0)
+    i, j = rows.i.numpy()[kept], rows.j.numpy()[kept]
+    at_wall = kept >= wall
+    feature = np.full(len(kept), -1, np.int32)
+    feature[at_wall] = lists.wall_f.numpy()[rows.slot.numpy()[kept[at_wall]]]
+    impulse, n = rows.b.numpy()[kept, 4:7].astype(float), rows.a.numpy()[kept, :3].astype(float)
+    force = impulse / made if made else impulse
+    along = (force * n).sum(axis=1)
+    return Touching(
+        i=i,
+        j=np.where(at_wall, -1, j),
+        feature=feature,
+        normal=normal[kept],
+        overlap=overlap[kept, 0],
+        normal_force=along,
+        tangential_force=force - along[:, None] * n,
+        energy=energy.numpy()[kept].astype(float),
+    )
