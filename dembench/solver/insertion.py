@@ -87,11 +87,17 @@ def _check_room(simulation: Any, position: np.ndarray, radius: np.ndarray) -> No
     all_ids = np.concatenate([simulation.ids, first + np.arange(len(position))])
     others = np.concatenate([simulation.position, position])
     radii = np.concatenate([simulation.radii, radius])
-    near = cKDTree(others).query_ball_point(position, radius + radii.max())
+    domain = simulation.scene.domain
+    box = np.where(domain.periodic, np.subtract(domain.upper, domain.lower), 0.0)
+    others -= np.where(box > 0, domain.lower, 0.0)
+    others = np.where(box > 0, np.mod(others, np.where(box > 0, box, 1.0)), others)
+    near = cKDTree(others, boxsize=box).query_ball_point(others[-len(position) :], radius + radii.max())
     for k, candidates in enumerate(near):
         own = len(others) - len(position) + k
         partners = np.array([c for c in candidates if c != own], dtype=int)
-        distance = np.linalg.norm(others[partners] - position[k], axis=1)
+        offset = others[partners] - others[own]
+        offset -= box * np.round(offset / np.where(box > 0, box, 1.0))
+        distance = np.linalg.norm(offset, axis=1)
         overlap = (radius[k] + radii[partners] - distance) / np.minimum(radius[k], radii[partners])
         if len(overlap) and overlap.max() > LARGEST_OVERLAP:
             worst = partners[int(np.argmax(overlap))]

@@ -27,6 +27,7 @@ from dembench.solver.inspection import Contacts, contacts_of
 from dembench.solver.laws import LawOptions
 from dembench.solver.periodic import wrapped
 from dembench.solver.population import drain, insert, remove
+from dembench.solver.relaxing import relax
 from dembench.solver.saving import read_state, restore, write_state
 from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes, refuse_for_shapes
 from dembench.solver.softening import softening_of
@@ -344,6 +345,35 @@ class Simulation:
             ValueError: The file has this time or a later one.
         """
         write_vtkhdf(Path(path), self)
+
+    def relax(
+        self, speed_limit: float | None = None, until: float = 0.01, steps: int = 200_000, rest: bool = True
+    ) -> int:
+        """Lets overlapping bodies apart, none of them faster than a limit, before a run.
+
+        Time goes on as in `step`. Coincident centres part along a direction that is the same every time.
+
+        Args:
+            speed_limit: Largest speed [m/s]; None takes sqrt(2 g d) with the smallest diameter d, or, without gravity,
+                d / 1000 in a step.
+            until: Overlap that is left, of two bodies and of a body and a wall at rest, in smallest radii.
+            steps: Largest number of steps.
+            rest: Whether all bodies that can move are at rest afterwards.
+
+        Returns:
+            Number of steps made.
+
+        Raises:
+            SolverError: The limit is not above 0, overlaps are left after `steps`, or the lists are full.
+        """
+        self._can_change()
+        made = relax(self, speed_limit, until, steps)
+        if rest:
+            held = [c.bodies for c in self.scene.constraints if c.kind == "kinematic"]
+            keeps = np.isin(self.ids, np.concatenate([*held, []]))[:, None]
+            self.velocity = np.where(keeps, self.velocity, 0.0)
+            self.angular_velocity = np.where(keeps, self.angular_velocity, 0.0)
+        return made
 
     # ---- forces from outside
 
