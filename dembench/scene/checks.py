@@ -7,9 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
+from dembench.scene.features import features
 from dembench.scene.files import SceneError
 from dembench.scene.mesh import Mesh, closest_points
 from dembench.scene.scene import Scene
+from dembench.scene.shape_overlap import Shaped
 
 LARGEST_OVERLAP = 0.01
 
@@ -19,12 +21,14 @@ def check_scene(scene: Scene) -> None:
 
     A centre must lie in the domain and on the void's side of every wall. Two particles may overlap by 1 % of the
     smaller radius, a particle and a wall by 1 % of its radius. A mesh need not be closed and so has no outside: with
-    it only the overlap counts.
+    it only the overlap counts. Particles that are no spheres touch with their surface, but 1 % is that of the radius
+    that holds them.
 
     Raises:
         SceneError: One line per kind of fault: how many particles have it, the worst one and what is accepted.
     """
-    faults = [*_outside_domain(scene), *_wall_faults(scene), *_overlaps(scene)]
+    overlaps = _shape_faults if features(scene).shapes else _overlaps
+    faults = [*_outside_domain(scene), *_wall_faults(scene), *overlaps(scene)]
     if faults:
         raise SceneError("\n".join(f"{scene.name}: bodies.position: {fault}" for fault in faults))
 
@@ -44,30 +48,55 @@ def _outside_domain(scene: Scene) -> Iterator[str]:
 
 
 def _wall_faults(scene: Scene) -> Iterator[str]:
-    position, radius = scene.bodies.position, scene.radii()
+    # what touches walls: the bodies themselves, or the spheres on the surface of those that have a shape
+    position, reach, radius = scene.bodies.position, scene.radii(), scene.radii()
+    owner = np.arange(len(position))
+    if features(scene).shapes:
+        found = [_shaped(scene).probes(i) for i in owner]
+        owner = np.repeat(owner, [len(probes) for probes in found])
+        position, reach, radius = np.vstack(found)[:, :3], np.vstack(found)[:, 3], radius[owner]
     if not len(position):
         return
     for wall in scene.walls:
         if isinstance(wall, Mesh):
-            distance = _mesh_distance(wall, position, radius)
+            distance = _mesh_distance(wall, position, reach)
         else:
             distance = wall.signed_distance(position)
-            outside = distance < 0
+            outside = distance < -LARGEST_OVERLAP * (radius - reach)
             if outside.any():
                 worst = int(np.argmin(distance))
                 yield (
-                    f"{np.count_nonzero(outside)} of {len(position)} particles are outside wall {wall.name}; worst is "
-                    f"particle {worst} at {_point(position[worst])}, {-distance[worst]:.4g} m beyond it"
+                    f"{len(np.unique(owner[outside]))} of {len(scene.bodies)} particles are outside wall {wall.name}; "
+                    f"worst is particle {owner[worst]} at {_point(scene.bodies.position[owner[worst]])}, "
+                    f"{-distance[worst]:.4g} m beyond it"
                 )
             distance = np.where(outside, np.inf, distance)
-        overlap = (radius - distance) / radius
-        count = int(np.count_nonzero(overlap > LARGEST_OVERLAP))
+        overlap = (reach - distance) / radius
+        count = len(np.unique(owner[overlap > LARGEST_OVERLAP]))
         if count:
             worst = int(np.argmax(overlap))
             yield (
-                f"{count} of {len(position)} particles overlap wall {wall.name} by more than {LARGEST_OVERLAP:.0%} of "
-                f"their radius; worst is particle {worst} at {_point(position[worst])} with {overlap[worst]:.2%}"
+                f"{count} of {len(scene.bodies)} particles overlap wall {wall.name} by more than "
+                f"{LARGEST_OVERLAP:.0%} of their radius; worst is particle {owner[worst]} at "
+                f"{_point(scene.bodies.position[owner[worst]])} with {overlap[worst]:.2%}"
             )
+
+
+def _shaped(scene: Scene) -> Shaped:
+    bodies = scene.bodies
+    return Shaped(scene.species, bodies.species, bodies.position, bodies.orientation)
+
+
+def _shape_faults(scene: Scene) -> Iterator[str]:
+    radius = scene.radii()
+    found = [(depth / min(radius[i], radius[j]), i, j) for i, j, depth in _shaped(scene).overlaps(scene.domain)]
+    found = [fault for fault in found if fault[0] > LARGEST_OVERLAP]
+    if found:
+        share, i, j = max(found)
+        yield (
+            f"{len(found)} pairs of particles overlap by more than {LARGEST_OVERLAP:.0%} of the smaller radius; worst "
+            f"are particles {min(i, j)} and {max(i, j)} with {share:.2%}"
+        )
 
 
 def _mesh_distance(wall: Mesh, position: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from dembench.scene import Rigid, Scene, features, scene_from_arrays
 from dembench.scene.overlap import largest_overlap
+from dembench.scene.shape_overlap import Shaped
 from dembench.solver import soft
 from dembench.solver.drive import Drive
 from dembench.solver.energy import Balance, Energy, kinetic
@@ -267,6 +268,9 @@ class Simulation:
 
     def overlap(self) -> float:
         """Largest overlap of two bodies at present [m], 0 where none touch."""
+        if features(self.scene).shapes:
+            bodies = Shaped(self.scene.species, self.species, self.position, self.orientation)
+            return max((depth for _i, _j, depth in bodies.overlaps()), default=0.0)
         return largest_overlap(self.position, self.radii, self.scene.domain)
 
     def contacts(self) -> Contacts:

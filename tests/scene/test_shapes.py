@@ -11,8 +11,10 @@ from dembench.scene import (
     Grain,
     Material,
     PairLaw,
+    Plane,
     Scene,
     Species,
+    check_scene,
     features,
     load_scene,
     save_scene,
@@ -147,3 +149,27 @@ def test_faults_are_named():
         Grain(values=np.ones((5, 5, 5)), origin=(0, 0, 0), spacing=1, points=[(0, 0, 0)])
     with pytest.raises(ValueError, match="leave the radii out"):
         scene(Clump.dumbbell(1, 1), bodies=Bodies(position=[(0, 0, 0)], radius=[1]))
+
+
+def test_bodies_touch_with_their_surfaces():
+    """Lying dumbbells and boxes that stand face to face do not overlap, though the spheres that hold them do."""
+    dumbbell, box = Clump.dumbbell(0.5, 2), Grain.box((1, 1, 1), 0.1, 0.1, reach=0.5)
+    floor = Plane(name="floor", material="stone", point=(0, 0, -0.5), normal=(0, 0, 1))
+
+    def placed(*position, **changes):
+        return scene(
+            dumbbell,
+            box,
+            bodies=Bodies(position=position, species=[0, 1, 1], orientation=[(s, 0, 0, s), *[(0, 0, 0, 1)] * 2]),
+            walls=(floor,),
+            **changes,
+        )
+
+    s = np.sqrt(0.5)
+    check_scene(placed((-1, 0, 0), (0, 0, 0), (0.999, 0, 0)))
+    with pytest.raises(SceneError, match=r"particles 1 and 2 with 6.3\d%"):
+        check_scene(placed((-1, 0, 0), (0, 0, 0), (0.95, 0, 0)))
+    with pytest.raises(SceneError, match=r"particles 0 and 1 with"):
+        check_scene(placed((-0.9, 1, 0), (0, 0, 0), (0.999, 0, 0)))
+    with pytest.raises(SceneError, match=r"overlap wall floor .* worst is particle 0 .* with 13"):
+        check_scene(placed((-1, 0, -0.2), (0, 0, 0), (0.999, 0, 0)))

@@ -6,8 +6,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from shaped import GRAVITY, energy, inertia, run, shaped
 
-from dembench.scene import Clump, Grain, Motion
-from dembench.solver import Simulation
+from dembench.scene import Clump, Grain, Mesh, Motion
+from dembench.solver import Simulation, SolverError
 
 BOX = Grain.box((2e-2, 2e-2, 1e-2), 1e-3, 1e-3)
 
@@ -176,3 +176,18 @@ def test_a_dumbbell_rides_on_a_moving_floor(method):
     assert sim.velocity[0] == pytest.approx([0, 0.2, 0.1], abs=1e-4)
     assert sim.position[0, 2] == pytest.approx(0.02 + 2e-3, abs=2e-5)
     assert np.abs(sim.angular_velocity).max() < 0.05
+
+
+def test_a_floor_of_triangles_is_a_plane():
+    """A dumbbell that falls on its end near the edge between two triangles; points would need an inside."""
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]) * 0.05
+    floor = Mesh(name="floor", material="plate", triangles=corners[[[0, 1, 2], [0, 2, 3]]])
+    found = []
+    for walls in ({}, {"walls": (floor,)}):
+        scene = shaped([Clump.dumbbell(2e-3, 4e-3)], [(1e-3, 2e-3, 8e-3)], spin=[(1, 0, 3)], **walls)
+        sim = run(scene, 0.08, "impulse", 1e-4)
+        found.append(np.hstack([sim.position[0], sim.velocity[0], sim.orientation[0]]))
+    assert found[1] == pytest.approx(found[0], abs=1e-9)
+    sharp = Grain.box((4e-3,) * 3, 4e-4, 4e-4).model_copy(update={"points": np.zeros((1, 4))})
+    with pytest.raises(SolverError, match="probes without a radius cannot meet walls of triangles"):
+        Simulation(shaped([sharp], [(0, 0, 8e-3)], walls=(floor,)), 1e-4, method="impulse")

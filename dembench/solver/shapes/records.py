@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dembench.scene import Clump, Grain, Scene
+from dembench.scene import Clump, Grain, Scene, features
 from dembench.solver.guard import SolverError
 from dembench.solver.units import Units
 from dembench.solver.walls.features import field_nodes
@@ -80,11 +80,13 @@ class ShapeSet:
         record: The record Shapes that kernels take.
 
     Raises:
-        SolverError: The field of a grain does not reach as far as a probe that it can meet.
+        SolverError: The field of a grain does not reach as far as a probe that it can meet, or points without radius
+            would meet the surface of a mesh, which has no inside.
     """
 
     def __init__(self, scene: Scene, units: Units):
         _check_reach(scene)
+        _check_meshes(scene)
         table, probes, fields = [], [], []
         nodes: list[np.ndarray] = []
         for species in scene.species:
@@ -133,3 +135,13 @@ def _check_reach(scene: Scene) -> None:
                 f"species {grain.name}: its field reaches {grain.shape.reach:.3g} m beyond the surface; species "
                 f"{other.name} has spheres of {largest:.3g} m and needs as much: give the grid a larger box"
             )
+
+
+def _check_meshes(scene: Scene) -> None:
+    """A point that has passed a triangle would be pushed out on the other side."""
+    if features(scene).mesh_walls:
+        for species in scene.species:
+            if species.shape is not None and not species.shape.probes()[:, 3].all():
+                raise SolverError(
+                    f"species {species.name}: probes without a radius cannot meet walls of triangles; give all a radius"
+                )
