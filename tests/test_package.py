@@ -9,6 +9,7 @@ from email import message_from_bytes
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -86,3 +87,17 @@ app(["cases"])
     assert done.returncode == 0, done.stderr
     assert "case3" in done.stdout
     assert (tmp_path / "in.liggghts").exists()
+
+
+def test_the_example_of_the_readme_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The spheres fall for half a second and rebound at most to where they came from."""
+    text = (ROOT / "README.md").read_text()
+    code = text.split("## Use the solver alone")[1].split("```python")[1].split("```")[0]
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {})
+    time, highest, energy, overlap = map(float, capsys.readouterr().out.split()[-4:])
+    assert time == pytest.approx(0.5) and 0.05 <= highest < 0.44
+    assert np.isfinite(energy) and overlap < 1e-3
+    assert {path.name for path in tmp_path.iterdir()} == {"drop.npz", "drop.vtkhdf"}

@@ -117,6 +117,10 @@ class FullState(State):
         if self.big_rows:
             self._build_big()
 
+    def counts(self) -> dict[str, float]:
+        """Listed partners: each pair counts twice."""
+        return {"listed partners": int(self.lists.count.numpy().sum())}
+
     def launch(self, kernel: Any, dim: Any, *arguments: Any) -> None:
         """Launches a kernel on the device of the state."""
         wp.launch(kernel, dim=dim, inputs=list(arguments), device=self.device)

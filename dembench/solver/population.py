@@ -43,7 +43,8 @@ def remove(state: State, leaves: np.ndarray) -> bool:
     """
     source = np.flatnonzero(~leaves)
     touched = any(
-        bool((memory[:, 3] != 0)[leaves[i] != leaves[j]].any()) for i, j, memory in (*_pairs(state), *_big_pairs(state))
+        bool((memory[:, 3] != 0)[leaves[i] != leaves[j]].any())
+        for i, j, memory in (*listed_pairs(state), *large_pairs(state))
     )
     renumber(state, source, int(np.count_nonzero(source < state.n)))
     return touched
@@ -104,20 +105,27 @@ def renumber(state: State, source: np.ndarray, small: int) -> None:
 
 
 def _renumber_lists(state: State, place: np.ndarray) -> None:
-    for i, j, memory in _pairs(state):
+    for i, j, memory in listed_pairs(state):
         new_i, new_j = place[i], place[j]
         gone = (new_i < 0) | (new_j < 0)
         memory[gone] = 0
         i[:], j[:] = np.where(gone, 0, new_i), np.where(gone, 0, new_j)
-    for part, count in enumerate(state.wall_count.numpy()):
-        listed = slice(part * state.wall_capacity, part * state.wall_capacity + int(count))
-        body, memory = state.lists.wall_i.numpy()[listed], state.lists.wall_memory.numpy()[listed]
+    for body, memory in listed_at_walls(state):
         new = place[body]
         memory[new < 0] = 0
         body[:] = np.maximum(new, 0)
 
 
-def _pairs(state: State) -> list[tuple[Any, Any, Any]]:
+def listed_at_walls(state: State) -> list[tuple[Any, Any]]:
+    """Bodies and memory of the listed candidates of walls, by thread; views of the arrays of the state."""
+    found = []
+    for part, count in enumerate(state.wall_count.numpy()):
+        listed = slice(part * state.wall_capacity, part * state.wall_capacity + int(count))
+        found.append((state.lists.wall_i.numpy()[listed], state.lists.wall_memory.numpy()[listed]))
+    return found
+
+
+def listed_pairs(state: State) -> list[tuple[Any, Any, Any]]:
     """Bodies and memory of the listed pairs of small bodies, by region; views of the arrays of the state."""
     base, lists = state.base.numpy(), state.lists
     found = []
@@ -127,7 +135,7 @@ def _pairs(state: State) -> list[tuple[Any, Any, Any]]:
     return found
 
 
-def _big_pairs(state: State) -> list[tuple[Any, Any, Any]]:
+def large_pairs(state: State) -> list[tuple[Any, Any, Any]]:
     """The same for all bodies with each large one."""
     memory = state.lists.big_memory.numpy()
     every = np.arange(state.total)

@@ -6,6 +6,7 @@ import inspect
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,6 +16,7 @@ from dembench.scene import Rigid, Scene, features, scene_from_arrays
 from dembench.scene.overlap import largest_overlap
 from dembench.scene.shape_overlap import Shaped
 from dembench.solver import soft
+from dembench.solver.diagnostics import WallLayer, wall_layer
 from dembench.solver.drive import Drive
 from dembench.solver.energy import Balance, Energy, kinetic
 from dembench.solver.export import write_csv, write_vtkhdf
@@ -290,6 +292,24 @@ class Simulation:
         """Mean number of contacts of a body with other bodies [-], 0 where there is no body."""
         return 2 * float(np.count_nonzero(self.contacts().j >= 0)) / max(1, self.state.total)
 
+    def wall_layer(self, wall: str, thickness: float) -> WallLayer:
+        """How the bodies next to a moving wall follow it; `bodies` are ids.
+
+        Args:
+            wall: Name of the wall.
+            thickness: Gap up to which a body belongs to the layer [m].
+
+        Raises:
+            SolverError: There is no such wall.
+            ValueError: It does not move.
+        """
+        walls = {w.name: w for w in self.scene.walls}
+        if wall not in walls:
+            raise SolverError(f"wall: there is no wall '{wall}'; accepted are {', '.join(walls)}")
+        state = (self.position, self.velocity, self.angular_velocity, self.radii)
+        layer = wall_layer(walls[wall], thickness, *state)
+        return replace(layer, bodies=self.ids[layer.bodies])
+
     def largest_overlap(self) -> float:
         """Largest overlap of two bodies met in any step since the start [m]."""
         return self._stepper.largest_overlap() * self.units.length
@@ -316,6 +336,7 @@ class Simulation:
                 f"left through {sink.name}": int(gone)
                 for sink, gone in zip(self.scene.sinks, self.state.drained, strict=True)
             },
+            **self.state.counts(),
             **self._stepper.counters(),
         }
 

@@ -13,7 +13,7 @@ from dembench.scene import Scene, features
 from dembench.solver.neighbours import list_kernels
 from dembench.solver.pairs import kinds
 from dembench.solver.periodic import box_lengths, wrap_kernel
-from dembench.solver.population import drain
+from dembench.solver.population import drain, large_pairs, listed_at_walls, listed_pairs
 from dembench.solver.types import types, vec8d
 from dembench.solver.units import Units
 from dembench.solver.walls.features import WallSet
@@ -401,6 +401,19 @@ class State:
             work(0)
         else:
             list(self._pool.map(work, range(self.parts)))
+
+    def counts(self) -> dict[str, float]:
+        """Listed pairs and wall candidates, and how many of them have a contact memory, by name."""
+        pairs, walls, large = (
+            np.concatenate([np.zeros(0), *(row[-1][:, 3] for row in rows(self))])
+            for rows in (listed_pairs, listed_at_walls, large_pairs)
+        )
+        return {
+            "listed pairs": len(pairs),
+            "pairs in contact": int(np.count_nonzero(pairs) + np.count_nonzero(large)),
+            "listed at walls": len(walls),
+            "contacts with walls": int(np.count_nonzero(walls)),
+        }
 
     def memory_bytes(self) -> int:
         """Bytes held by all arrays of the state."""

@@ -107,3 +107,13 @@ def test_no_contact_and_no_half_lists() -> None:
     assert simulation.contacts().sum_by_body(simulation.ids).shape == (2, 3)
     with pytest.raises(SolverError, match="half lists only"):
         Simulation(apart, 1e-6, lists="full").contacts()
+
+
+def test_counters_tell_the_contacts() -> None:
+    """The same numbers as the inspection finds, once a step has loaded the springs."""
+    simulation = Simulation(shaken(), 1e-6)
+    simulation.step(600)
+    found, counted = simulation.contacts(), simulation.counters()
+    assert counted["pairs in contact"] == np.count_nonzero(found.j >= 0) > 3
+    assert counted["contacts with walls"] == np.count_nonzero(found.wall >= 0)
+    assert counted["listed pairs"] > counted["pairs in contact"]
