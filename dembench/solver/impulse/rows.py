@@ -75,8 +75,8 @@ def limit_types(precision: str) -> Any:
 
     velocity_sweeps, position_sweeps, stabilization_sweeps: largest number per step; event: approach speed from which a
     contact is a collision; still: change of a relative velocity at which the sweeps end; fast: slip or approach speed
-    of flowing material; share: of the load in fast contacts, up to which matter counts as at rest; calm: change of a
-    velocity at which the stabilization ends; margin: gap at the end of the step up to which a row is kept; slop:
+    of flowing material; share: of the load in fast contacts, up to which matter counts as at rest; calm: mean change of
+    velocities at which the stabilization ends; margin: gap at the end of the step up to which a row is kept; slop:
     overlap at which the position pass ends; near: least gap up to which pairs count as near.
     """
     real = types(precision).real

@@ -9,7 +9,8 @@ A the matrix of the contact problem and g its residual there, s and t of the ste
     s zAz + t zAp = -z g,    s zAp + t pAp = -p g,
 
 and as A = J M^-1 J^T the products are kinetic energies of changes of velocity. Impulses stay in their cones and every
-change is the impulse of a row, so momentum is kept. It ends when a step changes no velocity by more than `calm`.
+change is the impulse of a row, so momentum is kept. It ends when a step changes velocities by less than `calm`, root
+mean square: the relative velocities of neighbours say little, as they add up over many layers.
 
 This is for matter at rest: `flows` tells whether more than a share of the normal load stands in contacts that slide
 fast or have collided, and then the stabilization stays off.
@@ -119,8 +120,10 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
 
     @wp.func
     def advance(rows: Rows, search: Search, count: int, total: int, s: real, t: real):
-        """Makes the step s z + t p as far as the cones allow; p becomes z and the step. Returns the largest change of a
-        velocity by both."""
+        """Makes the step s z + t p as far as the cones allow; p becomes z and the step.
+
+        Returns the root mean square over the bodies of the change of velocity by both.
+        """
         for r in range(count):
             a, b = rows.a[r], rows.b[r]
             i, j = rows.i[r], rows.j[r]
@@ -136,12 +139,12 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
             search.p[r] = z + vec4(across[0], across[1], across[2], ln - b[1])
             apply(rows, i, j, rows.u[i], rows.u[j], n, a[7], b[0], ln - b[1], across)
             rows.b[r] = vec8(b[0], ln, b[2], b[3], lt[0], lt[1], lt[2], b[7])
-        largest = real(0.0)
+        squares = wp.float64(0.0)
         for i in range(total):
             du = rows.u[i] - search.u[i]
             search.du[i] = du
-            largest = wp.max(largest, du[0] * du[0] + du[1] * du[1] + du[2] * du[2])
-        return wp.sqrt(largest)
+            squares += wp.float64(du[0] * du[0] + du[1] * du[1] + du[2] * du[2])
+        return real(wp.sqrt(squares / wp.float64(wp.max(total, 1))))
 
     @wp.func
     def stabilize(rows: Rows, search: Search, count: int, total: int, limits: Limits):
