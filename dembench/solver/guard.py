@@ -31,9 +31,10 @@ def check_step(scene: Scene, dt: float, allow: bool) -> list[str]:
     Raises:
         SolverError: The step is beyond a bound and `allow` is False.
     """
-    limits = {f"{CONTACT_BOUND:g} contact times of the fastest body": CONTACT_BOUND * shortest_contact(scene)}
+    limits = {}
     if not isinstance(scene.law, LinearSpring):
         limits[f"{RAYLEIGH_BOUND:g} Rayleigh time steps"] = RAYLEIGH_BOUND * scene.rayleigh_time()
+    limits[f"{CONTACT_BOUND:g} contact times of the fastest body"] = CONTACT_BOUND * shortest_contact(scene)
     found = [f"dt {dt:.3g} s is above {text} ({limit:.3g} s)" for text, limit in limits.items() if dt > limit]
     if found and not allow:
         raise SolverError("; ".join(found) + "; choose a smaller dt, or allow an unstable step")
