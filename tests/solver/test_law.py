@@ -144,11 +144,11 @@ def test_midpoint_dashpot_has_less_bias_at_a_large_step() -> None:
     assert abs(bias[True]) < 0.005
 
 
-def test_hertz_impact_of_two_spheres() -> None:
-    """Chung and Ooi 2011, test 1: peak overlap (5 m* v^2/(4 k))^(2/5) and contact time 2.9432 overlap/v."""
-    for young, poisson, density, overlap, time in (
-        (4.8e10, 0.20, 2800, 274.1e-6, 40.3e-6),
-        (2.0e10, 0.25, 2500, 368.3e-6, 54.2e-6),
+def test_co1_hertz_impact_of_two_spheres() -> None:
+    """Chung and Ooi 2011, test 1: peak overlap (5 m* v^2/(4 k))^(2/5), peak force and contact time 2.9432 overlap/v."""
+    for young, poisson, density, overlap, force, time in (
+        (4.8e10, 0.20, 2800, 274.1e-6, 10697, 40.3e-6),
+        (2.0e10, 0.25, 2500, 368.3e-6, 7108, 54.2e-6),
     ):
         scene = grains(
             [[-0.01, 0, 0], [0.01, 0, 0]],
@@ -167,16 +167,17 @@ def test_hertz_impact_of_two_spheres() -> None:
             simulation.step()
             speed.append(simulation.velocity[1, 0])
         assert simulation.largest_overlap() == pytest.approx(overlap, rel=5e-4)
+        assert float(scene.masses()[1]) * np.diff(speed).max() / dt == pytest.approx(force, rel=5e-4)
         # the end of contact is known to one step of 400
         assert np.flatnonzero(np.diff(speed))[-1] * dt == pytest.approx(time, rel=6e-3)
         assert speed[-1] == pytest.approx(10, rel=1e-4)
 
 
-def test_hertz_impact_on_a_plane() -> None:
+def test_co2_hertz_impact_on_a_plane() -> None:
     """Chung and Ooi 2011, test 2; the plane is elastic, so that its modulus makes the published 1/E* of a rigid one."""
-    for young, poisson, density, overlap, time in (
-        (7e10, 0.33, 2699, 49.30e-6, 725e-6),
-        (4e10, 0.35, 1800, 52.12e-6, 767e-6),
+    for young, poisson, density, overlap, force, time in (
+        (7e10, 0.33, 2699, 49.30e-6, 11466, 725e-6),
+        (4e10, 0.35, 1800, 52.12e-6, 7233, 767e-6),
     ):
         floor = Plane(name="floor", material="grain", point=(0, 0, 0), normal=(0, 0, 1))
         scene = grains(
@@ -191,12 +192,14 @@ def test_hertz_impact_on_a_plane() -> None:
         )
         dt = time / 400
         simulation = Simulation(scene, dt, precision="float64")
-        lowest, ended = 0.0, 0.0
+        lowest, ended, speed = 0.0, 0.0, []
         for k in range(480):
             simulation.step()
+            speed.append(simulation.velocity[0, 2])
             lowest = min(lowest, simulation.position[0, 2] - 0.1)
             ended = k * dt if simulation.position[0, 2] < 0.1 else ended
         assert -lowest == pytest.approx(overlap, rel=5e-4)
+        assert float(scene.masses()[0]) * np.diff(speed).max() / dt == pytest.approx(force, rel=5e-4)
         assert ended == pytest.approx(time, rel=6e-3)
         assert simulation.velocity[0, 2] == pytest.approx(0.2, rel=1e-4)
 

@@ -67,3 +67,32 @@ def test_im1_oblique_impacts_follow_the_equations_of_the_law(name: str) -> None:
         assert RADIUS * np.array(spins) == pytest.approx(RADIUS * expected.spins, abs=1e-3 * SPEED), (i, j)
     assert min(stuck) < 0.2
     assert max(stuck) > 0.8
+
+
+def test_co4_oblique_impacts_on_a_plane_in_gross_slip() -> None:
+    """Chung and Ooi 2011, test 4: e_t = 1 - mu(1 + e)/tan(th) and w = 2.5 mu(1 + e) V cos(th)/R beyond 32.5 degrees.
+
+    The dashpots act at entry and exit, where the spring sticks: with e = 0.98 that is less than 1 %.
+    """
+    degrees = np.array([40, 50, 60, 70, 80])
+    published_tangential = [0.7829, 0.8471, 0.8948, 0.9337, 0.9679]
+    published_spin = [544, 457, 355, 243, 123]
+    angle, n = np.radians(degrees), len(degrees)
+    y = 0.01 * np.arange(n)
+    scene = grains(
+        np.stack([0 * y, y, np.full(n, 2.5e-3 * (1 + 1e-6))], axis=1),
+        3.9 * np.stack([np.sin(angle), 0 * y, -np.cos(angle)], axis=1),
+        radius=2.5e-3,
+        young=3.8e11,
+        poisson=0.23,
+        density=4000,
+        friction=0.092,
+        restitution=0.98,
+        walls=(FLOOR,),
+    )
+    simulation = Simulation(scene, 5e-9, precision="float64")
+    simulation.step(8000)
+    v, w = simulation.velocity, simulation.angular_velocity[:, 1]
+    assert v[:, 2] == pytest.approx(0.98 * 3.9 * np.cos(angle), rel=2e-3)
+    assert v[:, 0] / (3.9 * np.sin(angle)) == pytest.approx(published_tangential, abs=5e-3)
+    assert w == pytest.approx(published_spin, rel=1.5e-2)
