@@ -22,6 +22,7 @@ class Touching:
         normal_force: Force along the normal on i, shape (k,).
         tangential_force: The rest of the force on i, shape (k, 3).
         energy: Elastic energy stored in the contact, shape (k,).
+        point: Middle of the overlap, shape (k, 3); None for spheres, where it follows from the normal.
     """
 
     i: np.ndarray
@@ -32,11 +33,14 @@ class Touching:
     normal_force: np.ndarray
     tangential_force: np.ndarray
     energy: np.ndarray
+    point: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
 class Contacts:
     """The contacts of a simulation, ordered by i, then j, then feature of the wall.
+
+    Two bodies that are no spheres may touch at several points, each a contact.
 
     Attributes:
         i, j: Ids of the two bodies, i < j, shape (k,); j is -1 where i touches a wall.
@@ -98,9 +102,11 @@ def contacts_of(simulation: Any, found: Touching) -> Contacts:
     sign[swap] = -1
     normal = sign * found.normal
     lever = -(kin[i, 6] - found.overlap / 2)[:, None] * normal
+    other = ((kin[j, 6] - found.overlap / 2)[:, None] * normal)[pairs]
+    if found.point is not None:
+        lever, other = found.point - kin[i, :3], (found.point - kin[j, :3])[pairs]
     point = kin[i, :3] + lever
     slip = kin[i, 3:6] + np.cross(spin[i], lever)
-    other = ((kin[j, 6] - found.overlap / 2)[:, None] * normal)[pairs]
     slip[pairs] -= kin[j[pairs], 3:6] + np.cross(spin[j[pairs]], other)
     slip[~pairs] -= state.walls.surface_velocity(found.feature[~pairs], point[~pairs])
     slip -= (slip * normal).sum(axis=1)[:, None] * normal

@@ -46,7 +46,8 @@ def _overlap(simulation: Any) -> float:
     overlap = simulation.overlap()
     for wall in simulation.scene.walls:
         if wall.motion is None and hasattr(wall, "signed_distance") and len(simulation.radii):
-            overlap = max(overlap, float((simulation.radii - wall.signed_distance(simulation.position)).max()))
+            probes = simulation.probes
+            overlap = max(overlap, float((probes[:, 3] - wall.signed_distance(probes[:, :3])).max()))
     return overlap
 
 

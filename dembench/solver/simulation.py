@@ -268,11 +268,24 @@ class Simulation:
             raise SolverError("orientation: followed in scenes with shapes only, this one has spheres")
         return self._stepper.shapes.orientation[self.ids]
 
+    @property
+    def probes(self) -> np.ndarray:
+        """Spheres with which bodies touch, rows (x, y, z, r) [m], shape (m, 4), body by body.
+
+        The bodies themselves where they are spheres, the spheres of clumps, the probes of grains.
+        """
+        if features(self.scene).shapes:
+            bodies = self._shaped()
+            return np.vstack([bodies.probes(i) for i in range(self.state.total)])
+        return np.column_stack([self.position, self.radii])
+
+    def _shaped(self) -> Shaped:
+        return Shaped(self.scene.species, self.species, self.position, self.orientation)
+
     def overlap(self) -> float:
         """Largest overlap of two bodies at present [m], 0 where none touch."""
         if features(self.scene).shapes:
-            bodies = Shaped(self.scene.species, self.species, self.position, self.orientation)
-            return max((depth for _i, _j, depth in bodies.overlaps()), default=0.0)
+            return max((depth for _i, _j, depth in self._shaped().overlaps()), default=0.0)
         return largest_overlap(self.position, self.radii, self.scene.domain)
 
     def contacts(self) -> Contacts:
@@ -284,13 +297,13 @@ class Simulation:
         self._refresh()
         if isinstance(self._stepper, FullSpheres):
             raise SolverError("contacts can be inspected with half lists only (lists='half')")
-        if isinstance(self._stepper, SoftShapes | ImpulseShapes):
-            raise SolverError("contacts can be inspected in scenes of spheres only")
         return contacts_of(self, self._stepper.contacts())
 
     def coordination_number(self) -> float:
         """Mean number of contacts of a body with other bodies [-], 0 where there is no body."""
-        return 2 * float(np.count_nonzero(self.contacts().j >= 0)) / max(1, self.state.total)
+        found = self.contacts()
+        pairs = np.unique(np.stack([found.i, found.j])[:, found.j >= 0], axis=1)
+        return 2 * pairs.shape[1] / max(1, self.state.total)
 
     def wall_layer(self, wall: str, thickness: float) -> WallLayer:
         """How the bodies next to a moving wall follow it; `bodies` are ids.

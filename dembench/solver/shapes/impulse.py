@@ -410,6 +410,7 @@ def impulse_kernel(friction: bool, options: WallOptions) -> Any:
                     for r in range(found):
                         p = rows[r].impulse
                         contacts[at + r].memory = wp.vec4d(p[0], p[1], p[2], rows[r].push / dt)
+                        contacts[at + r].force = p / dt
                     moved = wp.float64(0.0)
                     for i in range(n):
                         moved = wp.max(moved, wp.length(centre_of(b, i) - start[i]))

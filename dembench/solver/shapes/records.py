@@ -56,7 +56,8 @@ class Contact:
 
     a, b: the bodies, b = -1 at a wall; feature: of the wall; kind, p, s: what touches what, see `geometry`; slot: pair
     or wall candidate of the list. gap; n: normal from b to a; ra, rb: levers from the centres of mass; memory: what the
-    method keeps of the contact (spring and flag, or impulse and load of the position pass).
+    method keeps of the contact (spring and flag, or impulse and load of the position pass); force: on a; energy: stored
+    in the springs.
     """
 
     a: wp.int32
@@ -71,6 +72,8 @@ class Contact:
     ra: wp.vec3d
     rb: wp.vec3d
     memory: wp.vec4d
+    force: wp.vec3d
+    energy: wp.float64
 
 
 class ShapeSet:

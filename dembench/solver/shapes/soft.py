@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.laws import LawOptions, contact_force
+from dembench.solver.laws import LawOptions, contact_energy, contact_force
 from dembench.solver.pairs import scaling
 from dembench.solver.shapes.geometry import B_IN_A
 from dembench.solver.shapes.narrow import narrow_functions
@@ -39,6 +39,7 @@ def soft_kernel(law: LawOptions, options: WallOptions) -> Any:
     t = types("float64")
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     force, scaled = contact_force(law), scaling("float64", law.linear)
+    energy_of = contact_energy(law)
     narrow = narrow_functions(options)
     find, commit, relative = narrow.find, narrow.commit, narrow.relative
     timed, present = options.timed, options.present
@@ -132,6 +133,8 @@ def soft_kernel(law: LawOptions, options: WallOptions) -> Any:
             v = relative(b, walls, c)
             f, _ft, after = force(c.n, overlap, v, wp.vec3d(), c.memory, constants, memory_dt)
             contacts[first + q].memory = after
+            contacts[first + q].force = f
+            contacts[first + q].energy = energy_of(overlap, after, constants)
             add_load(b, c.a, f, wp.cross(c.ra, f))
             if c.b >= 0:
                 add_load(b, c.b, -f, -wp.cross(c.rb, f))

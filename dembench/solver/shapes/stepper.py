@@ -11,6 +11,7 @@ import warp as wp
 from dembench.scene import Scene, features
 from dembench.solver.guard import SolverError
 from dembench.solver.impulse.stepper import EVENT, MARGIN, SLOP, STILL
+from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables
 from dembench.solver.shapes.impulse import Row, impulse_kernel
@@ -39,6 +40,7 @@ class _Stepper:
         self.shapes = ShapeSet(scene, state.units)
         self._tables = PairTables(scene, state.units, "float64")
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
+        self._bodies = state.identity.numpy()[: state.total].copy()
         self._capacity = 256
         self._contacts = wp.zeros(2 * self._capacity, dtype=Contact, device="cpu")
         self._flags = wp.zeros(9, dtype=wp.int32, device="cpu")
@@ -51,6 +53,7 @@ class _Stepper:
             SolverError: A velocity is not finite.
         """
         self._launch(n, first, self.dt)
+        self._bodies = self.state.identity.numpy()[: self.state.total].copy()
         flags = self._flags.numpy()
         done, reason = int(flags[2]), int(flags[3])
         if reason == NOT_FINITE:
@@ -68,6 +71,29 @@ class _Stepper:
     def counters(self) -> dict[str, float]:
         """Contact points of the last step."""
         return {"contact points": int(self._flags.numpy()[6])}
+
+    def contacts(self) -> Touching:
+        """The contact points of the last step that carry load, for those bodies that are still there."""
+        side, count = int(self._flags.numpy()[5]), int(self._flags.numpy()[6])
+        found = self._contacts.numpy()[side * self._capacity : side * self._capacity + count]
+        place = np.full(self.state.limit + 1, -1)
+        place[self.state.identity.numpy()[: self.state.total]] = np.arange(self.state.total)
+        i = place[self._bodies[found["a"]]]
+        j = np.where(found["b"] < 0, -1, place[self._bodies[found["b"]]])
+        along = (found["force"] * found["n"]).sum(axis=1)
+        kept = (i >= 0) & ((j >= 0) | (found["b"] < 0)) & (along != 0)
+        found, i, j, along = found[kept], i[kept], j[kept], along[kept]
+        return Touching(
+            i=i,
+            j=j,
+            feature=found["feature"],
+            normal=found["n"],
+            overlap=-found["gap"],
+            normal_force=along,
+            tangential_force=found["force"] - along[:, None] * found["n"],
+            energy=found["energy"],
+            point=self.state.bodies.kin.numpy()[i, :3] + found["ra"],
+        )
 
     def relist(self, steps: int) -> None:
         """Builds the lists of the state after some steps."""
@@ -114,6 +140,7 @@ class SoftShapes(_Stepper):
         flags = self._flags.numpy()
         flags[4] = 1
         # the forces of a step are those at its end
+        self._bodies = self.state.identity.numpy()[: self.state.total].copy()
         self._launch(0, first - 1, 0.0)
         while flags[3] == OVERFLOW:
             self._grow()
