@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dembench.scene import features
+from dembench.solver.walls.loads import WORK
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,8 @@ class Energy:
         gravitational: -m g.x of all bodies that can move.
         elastic: In the springs of the contacts; rigid contacts store none.
         external_work: Work of forces, torques and springs from outside, since the start.
-        wall_work: Work of walls and bodies with a prescribed motion: NaN where there are any, for it is not measured.
+        wall_work: Work of walls and bodies with a prescribed motion, since the start: NaN where it is not measured;
+            that of walls is measured with `Simulation(..., wall_loads=True)`.
         dissipated: Energy when the balance began, and work done since, less the energy now; NaN where `wall_work` is.
     """
 
@@ -76,8 +78,15 @@ class Balance:
             "elastic": float(simulation.contacts().energy.sum()),
         }
         total, drained = sum(parts.values()), int(simulation.state.drained.sum())
+        by_walls = self._wall_work(simulation)
         if math.isnan(self.begin) or drained != self.drained:
-            self.begin, self.drained = total - work, drained
-        moved = any(w.motion is not None for w in scene.walls) or any(c.kind == "kinematic" for c in scene.constraints)
-        by_walls = math.nan if moved else 0.0
+            self.begin, self.drained = total - work - np.nan_to_num(by_walls), drained
         return Energy(**parts, external_work=work, wall_work=by_walls, dissipated=self.begin + work + by_walls - total)
+
+    def _wall_work(self, simulation: Any) -> float:
+        scene, walls = simulation.scene, simulation.state.walls
+        if any(c.kind == "kinematic" for c in scene.constraints):
+            return math.nan
+        if walls.options.loads:
+            return float(walls.loads()[:, WORK].sum()) * simulation.units.energy
+        return math.nan if walls.options.moving else 0.0

@@ -33,8 +33,9 @@ class FullSpheres:
         self.state, self.dt = state, dt / state.units.time
         state.skin, state.big_skin = SKIN * state.diameter, BIG_SKIN * state.diameter
         self._step = full_kernels(step_options(scene, state, precision, midpoint))
+        self._moves = state.walls.options.timed or state.walls.options.loads
         self.kernels = [self._step.begin, self._step.step] + [self._step.step_big] * bool(state.big_rows)
-        self.kernels += [self._step.move_walls] * state.walls.options.timed
+        self.kernels += [self._step.move_walls] * self._moves
         tables, device = PairTables(scene, state.units, precision), state.device
         self._tables = [tables.pairs.to(device), tables.pair_columns, tables.walls.to(device), tables.wall_columns]
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
@@ -98,7 +99,7 @@ class FullSpheres:
 
     def _set_clock(self, time: float) -> None:
         """Tells the walls the time of the forces of the next launch [scene units]."""
-        if self.state.walls.options.timed:
+        if self._moves:
             self._clock.assign([time, self.dt, self._built, self.state.wall_speed])
 
     def _block(self, steps: int, end: int) -> None:
@@ -120,7 +121,7 @@ class FullSpheres:
 
     def _launch(self, s: int, after: int, memory_dt: float) -> None:
         t = self.state
-        if t.walls.options.timed:
+        if self._moves:
             outputs = [t.walls.record, self._flags]
             inputs = [s, self._clock, self._limit]
             wp.launch(self._step.move_walls, dim=1, inputs=inputs, outputs=outputs, device=t.device)

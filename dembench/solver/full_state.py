@@ -35,13 +35,13 @@ class FullState(State):
         slots, wall_slots, big_capacity: Room in the lists.
     """
 
-    def __init__(self, scene: Scene, units: Units, precision: str, device: str):
+    def __init__(self, scene: Scene, units: Units, precision: str, device: str, wall_loads: bool = False):
         self.device = wp.get_device(device)
         has = features(scene)
         self.friction = has.friction or has.rolling_friction
         self.generation = 0
         self.big_skin = 0.0
-        super().__init__(scene, units, precision, threads=1)
+        super().__init__(scene, units, precision, 1, wall_loads)
 
     def _kernels(self, scene: Scene) -> Any:
         precision, has = self.types.precision, features(scene)

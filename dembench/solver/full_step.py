@@ -21,6 +21,7 @@ from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import goes_on_function
 from dembench.solver.walls.distance import wall_functions
+from dembench.solver.walls.loads import load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -43,7 +44,8 @@ def full_kernels(o: StepOptions) -> Any:
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     nearest = image_functions(o.law.precision, o.periodic).nearest
     present, rotation, friction = o.walls.present, o.rotation, o.law.friction
-    meshes = o.walls.meshes
+    meshes, loads, of_loads = o.walls.meshes, o.walls.loads, load_functions(o.walls)
+    clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     distance_of, goes_on = wall_functions(o.walls).distance, goes_on_function(o.walls)
 
     @wp.func
@@ -193,6 +195,12 @@ def full_kernels(o: StepOptions) -> Any:
             load, after, overlap = wall(b, i, walls, k, 0, memory, table, columns, dt)
             if overlap > z:
                 sum = sum + load
+                if wp.static(loads):
+                    at = b.kin[i]
+                    x = wp.vec3d(at[0], at[1], at[2])
+                    f = wp.vec3d(wp.float64(load[0]), wp.float64(load[1]), wp.float64(load[2]))
+                    t = wp.vec3d(wp.float64(load[4]), wp.float64(load[5]), wp.float64(load[6]))
+                    add_load_to_wall(walls, 0, k, 0, x, f, t, wp.float64(dt))
                 if wp.static(friction):
                     lists.wall_memory[slot] = after
                 lists.wall[slot] = k + MARK
@@ -210,7 +218,7 @@ def full_kernels(o: StepOptions) -> Any:
         walls: Walls,
         flags: wp.array(dtype=wp.int32),
     ):
-        """Poses for the forces of step s of the block; one thread.
+        """Poses for the forces of step s of the block, and walls without loads; one thread.
 
         clock: time of the forces of step 0, time step, time of the last rebuild, bound of the walls' speed. flags[s] is
         set where walls may have come nearer than the lists allow for.
@@ -219,6 +227,9 @@ def full_kernels(o: StepOptions) -> Any:
         place(walls, 0, now, now)
         if clock[3] * (now - clock[2]) > limit:
             flags[s] = 1
+        if wp.static(loads):
+            if flags[s] == 0:
+                clear_loads(walls, 0)
 
     @wp.kernel(enable_backward=False, module="unique")
     def step(

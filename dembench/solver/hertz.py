@@ -16,6 +16,7 @@ from dembench.solver.pairs import ONE, TABLE, pair_lookup
 from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
+from dembench.solver.walls.loads import load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -47,7 +48,8 @@ def advance_kernel(o: StepOptions) -> Any:
     near = near_functions(o.law.precision, o.periodic)
     pick_near, pick_big = near.pick_near, near.pick_big
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
-    hand_over = hand_over_function(o.law.precision, o.walls)
+    hand_over, of_loads, loads = hand_over_function(o.law.precision, o.walls), load_functions(o.walls), o.walls.loads
+    clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     bigs, rotation, threads, friction = o.bigs, o.rotation, o.threads, o.law.friction
     alike = o.alike and o.pairs in (ONE, TABLE)
 
@@ -143,11 +145,14 @@ def advance_kernel(o: StepOptions) -> Any:
         base: int,
         count: int,
         walls: Walls,
-        first: int,
+        part: int,
         table: wp.array(dtype=PairClass),
         columns: int,
         dt: real,
     ):
+        first = part * walls.motions.shape[0]
+        if wp.static(loads):
+            clear_loads(walls, part)
         if wp.static(meshes):
             hand_over(b, lists, walls, first, base, count, wp.float64(0.0))
         for q in range(count):
@@ -157,6 +162,12 @@ def advance_kernel(o: StepOptions) -> Any:
             if overlap > real(0.0):
                 b.load[i] = b.load[i] + load
                 lists.wall_memory[slot] = after
+                if wp.static(loads):
+                    k = b.kin[i]
+                    x = wp.vec3d(k[0], k[1], k[2])
+                    f = wp.vec3d(wp.float64(load[0]), wp.float64(load[1]), wp.float64(load[2]))
+                    t = wp.vec3d(wp.float64(load[4]), wp.float64(load[5]), wp.float64(load[6]))
+                    add_load_to_wall(walls, part, lists.wall_f[slot], first, x, f, t, wp.float64(dt))
             elif memory[3] != real(0.0):
                 lists.wall_memory[slot] = vec4()
 
@@ -309,7 +320,7 @@ def advance_kernel(o: StepOptions) -> Any:
                         part * wall_capacity,
                         wall_count[part],
                         walls,
-                        poses,
+                        part,
                         wall_table,
                         wall_columns,
                         memory_dt,

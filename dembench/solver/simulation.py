@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dembench.scene import Rigid, Scene, features, scene_from_arrays
+from dembench.scene import Rigid, Scene, WallForce, features, scene_from_arrays
 from dembench.scene.overlap import largest_overlap
 from dembench.scene.shape_overlap import Shaped
 from dembench.solver import soft
@@ -37,6 +37,7 @@ from dembench.solver.softening import softening_of
 from dembench.solver.state import State
 from dembench.solver.timestep import choose_step
 from dembench.solver.units import scene_units
+from dembench.solver.walls.loads import FORCE, TORQUE, WORK
 
 Stepper = soft.SoftSpheres | FullSpheres | rigid.Impulses | compliant.CompliantImpulses | SoftShapes | ImpulseShapes
 
@@ -67,6 +68,8 @@ class Simulation:
             on the CPU, with one thread). None takes what the device needs.
         softening: Softer materials for the soft-sphere solver, within the overlap budget of `softening.softening_of`;
             `warnings` then says how soft.
+        wall_loads: Sum up what bodies do to walls, for `wall_force`, `wall_torque` and `wall_work`; None does so where
+            the scene observes a wall force.
 
     Attributes:
         scene, dt: See above.
@@ -97,6 +100,7 @@ class Simulation:
         device: str = "cpu",
         lists: Literal["half", "full"] | None = None,
         softening: bool = False,
+        wall_loads: bool | None = None,
     ):
         settings = {name: value for name, value in locals().items() if name not in ("self", "scene")}
         method = method or ("impulse" if isinstance(scene.law, Rigid) else "soft-sphere")
@@ -129,7 +133,11 @@ class Simulation:
             raise SolverError("full lists cannot do: sinks")
         self.state: State
         self._stepper: Stepper
+        if wall_loads is None:
+            wall_loads = any(isinstance(seen, WallForce) for seen in scene.observables)
         if features(scene).shapes:
+            if wall_loads:
+                raise SolverError("wall_loads: loads of walls are not summed for bodies that are no spheres")
             refuse_for_shapes(lists, threads)
             self.state = State(scene, self.units, "float64", 1)
             if method == "impulse":
@@ -138,10 +146,10 @@ class Simulation:
             else:
                 self._stepper = SoftShapes(solved, self.state, self.dt, LawOptions.of(scene, "float64", midpoint))
         elif lists == "full":
-            self.state = state = FullState(scene, self.units, precision, device)
+            self.state = state = FullState(scene, self.units, precision, device, wall_loads)
             self._stepper = FullSpheres(solved, state, self.dt, precision, midpoint)
         elif method == "impulse":
-            self.state = State(scene, self.units, precision, 1)
+            self.state = State(scene, self.units, precision, 1, wall_loads)
             if rows == "rigid":
                 sweeps = (velocity_sweeps or 8, position_sweeps, stabilization)
                 self._stepper = rigid.Impulses(scene, self.state, self.dt, precision, *sweeps)
@@ -149,7 +157,7 @@ class Simulation:
                 sweep = velocity_sweeps or 1
                 self._stepper = compliant.CompliantImpulses(scene, self.state, self.dt, precision, substeps, sweep)
         else:
-            self.state = State(scene, self.units, precision, threads)
+            self.state = State(scene, self.units, precision, threads, wall_loads)
             self._stepper = soft.SoftSpheres(solved, self.state, self.dt, precision, midpoint)
         begin = time.perf_counter()
         soft.load(device, *self._stepper.kernels, *vars(self.state.kernels).values())
@@ -322,6 +330,33 @@ class Simulation:
         state = (self.position, self.velocity, self.angular_velocity, self.radii)
         layer = wall_layer(walls[wall], thickness, *state)
         return replace(layer, bodies=self.ids[layer.bodies])
+
+    def wall_force(self, name: str) -> np.ndarray:
+        """Force of all bodies on a wall in the last step [N], shape (3,): at its end, or its mean for impulses."""
+        return self._wall_loads(name)[FORCE:TORQUE] * self.units.force
+
+    def wall_torque(self, name: str) -> np.ndarray:
+        """Torque of all bodies on a wall in the last step [N m], shape (3,).
+
+        It is about the centre of the wall's motion, where that is by now; about the origin without a motion.
+        """
+        return self._wall_loads(name)[TORQUE:WORK] * self.units.energy
+
+    def wall_work(self, name: str) -> float:
+        """Work that a wall has done on the bodies since the start [J]."""
+        return float(self._wall_loads(name)[WORK]) * self.units.energy
+
+    def _wall_loads(self, name: str) -> np.ndarray:
+        names = self.state.walls.names
+        if name not in names:
+            raise SolverError(
+                f"wall '{name}' is not known; accepted are {', '.join(names) or 'none: there are no walls'}"
+            )
+        if not self.state.walls.options.loads:
+            raise SolverError(
+                f"the loads of wall '{name}' are not summed; accepted is Simulation(..., wall_loads=True)"
+            )
+        return self.state.walls.loads()[names.index(name)]
 
     def largest_overlap(self) -> float:
         """Largest overlap of two bodies met in any step since the start [m]."""

@@ -44,7 +44,7 @@ class State:
 
     device: Any = "cpu"
 
-    def __init__(self, scene: Scene, units: Units, precision: str, threads: int):
+    def __init__(self, scene: Scene, units: Units, precision: str, threads: int, wall_loads: bool = False):
         self.units = units
         self.types = types(precision)
         radii = scene.radii() / units.length
@@ -58,7 +58,7 @@ class State:
         self.identity_start = np.concatenate([np.setdiff1d(np.arange(self.total), big), big]).astype(np.int32)
         self.small_at_start = self.identity_start[: self.n]
         self.parts = max(1, min(threads, self.n // 64))
-        self.walls = WallSet(scene, units, self.parts, self.device)
+        self.walls = WallSet(scene, units, self.parts, self.device, wall_loads)
         self.wall_speed = 0.0
         self.low, self.box = np.array(scene.domain.lower) / units.length, box_lengths(scene) / units.length
         self.periodic = bool(self.box.any())

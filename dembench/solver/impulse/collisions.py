@@ -27,6 +27,7 @@ def collide_function(o: ImpulseOptions) -> Any:
     real, vec3 = t.real, t.vec3
     Rows, Limits = row_types(o.precision), limit_types(o.precision)
     arithmetic = row_arithmetic(o)
+    loads = o.walls.loads
     velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
 
     @wp.func
@@ -50,6 +51,8 @@ def collide_function(o: ImpulseOptions) -> Any:
                 normal = -(real(1.0) + b[2]) * vn * a[4]
                 across = in_cone(-(real(1.0) + b[3]) * a[5] * (v - vn * n), a[6] * normal)
                 apply(rows, i, j, ui, uj, n, a[7], b[0], normal, across)
+                if wp.static(loads):
+                    rows.blow[r] = rows.blow[r] + normal * n + across
                 rows.hit[i] = sweep + 1
                 rows.hit[j] = sweep + 1
                 hits += 1

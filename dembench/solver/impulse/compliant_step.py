@@ -17,6 +17,7 @@ from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
+from dembench.solver.walls.loads import load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -58,7 +59,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     pick_near, pick_big = near.pick_near, near.pick_big
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
-    hand_over = hand_over_function(o.law.precision, o.walls)
+    hand_over, of_loads, loads = hand_over_function(o.law.precision, o.walls), load_functions(o.walls), o.walls.loads
+    clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     bigs, friction, shared = o.bigs, o.law.friction, o.shared
 
     @wp.func
@@ -97,6 +99,20 @@ def compliant_kernel(o: CompliantOptions) -> Any:
             k = kin(b, i)
             fastest = wp.max(fastest, k[3] * k[3] + k[4] * k[4] + k[5] * k[5])
         return fastest
+
+    @wp.func
+    def load_walls(b: Bodies, lists: Lists, walls: Walls, rows: Rows, begin: int, end: int, dt: wp.float64):
+        """Hands the impulses of the rows begin..end of a substep to the walls, as forces over the whole step."""
+        for r in range(begin, end):
+            a, p = rows.a[r], rows.b[r]
+            k = b.kin[rows.i[r]]
+            n, f = wp.vec3d(), wp.vec3d()
+            for c in range(3):
+                n[c] = wp.float64(a[c])
+                f[c] = wp.float64(p[4 + c]) / dt
+            t = -wp.float64(a[7]) * wp.cross(n, f)
+            x = wp.vec3d(k[0], k[1], k[2])
+            add_load_to_wall(walls, 0, lists.wall_f[rows.slot[r]], 0, x, f, t, dt)
 
     @wp.kernel(enable_backward=False, module="unique")
     def advance(
@@ -293,6 +309,10 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                         lists.big_memory,
                         lists.wall_memory,
                     )
+                if wp.static(loads):
+                    if state[7] == 0:
+                        clear_loads(walls, 0)
+                    load_walls(b, lists, walls, rows, wall, count, dt)
                 fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
                 for i in range(n):
                     speed = drift(b, rows, i, h, fall, finer)

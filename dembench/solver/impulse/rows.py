@@ -46,7 +46,8 @@ def row_types(precision: str) -> Any:
 
     i, j: indices into u; slot: where the impulses are remembered; a: normal (0-2), overlap over dt, normal and
     tangential effective mass, friction, radius of i; b: radius of j, normal impulse, normal and tangential restitution,
-    tangential impulse (4-6), load that the last position pass carried; push: load that the position pass of this step
+    tangential impulse (4-6), load that the last position pass carried; blow: impulses of
+    collisions, where the loads of walls are asked for; push: load that the position pass of this step
     carries; u: velocity (0-2), inverse mass, angular velocity (4-6), inverse inertia of bodies and, behind them, of the
     walls in contact; hit: 1 + the last collision sweep in which each of these collided; x: positions at the start of
     the step.
@@ -61,6 +62,7 @@ def row_types(precision: str) -> Any:
         a: wp.array(dtype=vec8)
         b: wp.array(dtype=vec8)
         push: wp.array(dtype=t.real)
+        blow: wp.array(dtype=t.vec3)
         u: wp.array(dtype=vec8)
         hit: wp.array(dtype=wp.int32)
         x: wp.array(dtype=wp.vec3d)
@@ -128,7 +130,7 @@ def row_functions(o: ImpulseOptions) -> Any:
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     direction = direction_function(o.precision)
-    friction = o.friction
+    friction, loads = o.friction, o.walls.loads
 
     @wp.func
     def put(
@@ -156,6 +158,8 @@ def row_functions(o: ImpulseOptions) -> Any:
         rows.slot[at] = slot
         rows.a[at] = vec8(n[0], n[1], n[2], -gap / dt, mass, turning, c.mu, ri)
         rows.push[at] = real(0.0)
+        if wp.static(loads):
+            rows.blow[at] = vec3()
         lt = vec3()
         carried = real(0.0)
         if wp.static(friction):

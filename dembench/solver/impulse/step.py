@@ -13,6 +13,7 @@ from dembench.solver.impulse.sweeps import sweep_functions
 from dembench.solver.neighbours import near_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
+from dembench.solver.walls.loads import load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -47,7 +48,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     pick_near, pick_big = near.pick_near, near.pick_big
     flows, stabilize = stabilization_functions(o)
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
-    hand_over = hand_over_function(o.precision, o.walls)
+    hand_over, of_loads, loads = hand_over_function(o.precision, o.walls), load_functions(o.walls), o.walls.loads
+    clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     bigs, friction, stabilization = o.bigs, o.friction, o.stabilization
 
     @wp.func
@@ -82,6 +84,21 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
         k = b.kin[i]
         d = wp.vec3d(k[0], k[1], k[2]) - rows.x[i]
         return wp.dot(d, d)
+
+    @wp.func
+    def load_walls(b: Bodies, lists: Lists, walls: Walls, rows: Rows, begin: int, end: int, total: int, dt: wp.float64):
+        """Hands the impulses of the rows begin..end of the step to the walls, as forces over the step."""
+        clear_loads(walls, 0)
+        for r in range(begin, end):
+            a, p, blow = rows.a[r], rows.b[r], rows.blow[r]
+            k = b.kin[rows.i[r]]
+            n, f = wp.vec3d(), wp.vec3d()
+            for c in range(3):
+                n[c] = wp.float64(a[c])
+                f[c] = wp.float64(p[1] * a[c] + p[4 + c] + blow[c]) / dt
+            t = -wp.float64(a[7]) * wp.cross(n, f)
+            x = wp.vec3d(k[0], k[1], k[2])
+            add_load_to_wall(walls, 0, lists.wall_f[rows.j[r] - total], 0, x, f, t, dt)
 
     @wp.kernel(enable_backward=False, module="unique")
     def advance(
@@ -223,6 +240,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 if wp.static(stabilization):
                     if not flows(rows, counted, limits, blow):
                         state[8] = state[8] + stabilize(rows, search, counted, total, limits)
+                if wp.static(loads):
+                    load_walls(b, lists, walls, rows, first_wall, counted, total, dt)
                 for i in range(total):
                     check += drift(b, i, rows, dt)
                 if wp.static(timed):

@@ -193,8 +193,8 @@ class Impulses:
         s, t, rows, search = self.state, self.state.types, self._rows, self._search
         bodies = max(1, s.total)
         sizes = {"i": n, "j": n, "slot": n, "a": n, "b": n, "push": n, "x": bodies}
-        sizes |= {"u": bodies + walls, "hit": bodies + walls}
-        kinds = {"a": t.vec8, "b": t.vec8, "u": t.vec8, "push": t.real, "x": wp.vec3d}
+        sizes |= {"u": bodies + walls, "hit": bodies + walls, "blow": n if self._options.walls.loads else 1}
+        kinds = {"a": t.vec8, "b": t.vec8, "u": t.vec8, "push": t.real, "blow": t.vec3, "x": wp.vec3d}
         # the old arrays go first: both together would be the peak of the memory
         for wanted in (dict.fromkeys(sizes, 1), sizes):
             for name, size in wanted.items():

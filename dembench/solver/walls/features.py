@@ -15,6 +15,7 @@ import warp as wp
 from dembench.scene import Box, Cylinder, Frustum, Mesh, Plane, Scene, Sdf
 from dembench.scene import features as scene_features
 from dembench.solver.units import Units
+from dembench.solver.walls.loads import COLUMNS
 from dembench.solver.walls.mesh import box_grid, mesh_features
 from dembench.solver.walls.motion import Motions, place_all
 from dembench.solver.walls.records import GRID, MANTLE, PLANE, Feature, MeshCells, Pose, WallMotion, WallOptions, Walls
@@ -31,7 +32,7 @@ class WallSet:
         motions: The motions of the walls.
     """
 
-    def __init__(self, scene: Scene, units: Units, threads: int = 1, device: Any = "cpu"):
+    def __init__(self, scene: Scene, units: Units, threads: int = 1, device: Any = "cpu", loads: bool = False):
         self._units, self._threads, self._device = units, threads, device
         self.motions = Motions(scene)
         self.names = [wall.name for wall in scene.walls]
@@ -45,6 +46,7 @@ class WallSet:
             shapes=bool(meshes.cells) and scene_features(scene).shapes,
             moving=bool(self.motions.found),
             timed=self.motions.timed,
+            loads=loads and bool(self.count),
         )
         self.record = record = Walls()
         record.features, record.nodes = self._array(Feature, features), self._array(wp.vec4d, nodes)
@@ -56,6 +58,8 @@ class WallSet:
         record.mesh_start = self._array(wp.int32, _joined(meshes.start, 0))
         record.mesh_part = self._array(wp.int32, _joined(meshes.part, 0))
         record.mesh_lowest = self._array(wp.vec3i, _joined(meshes.lowest, (0, 3)))
+        size = (threads, len(self.names), COLUMNS) if self.options.loads else (0, 0, 0)
+        record.loads = wp.zeros(size, dtype=wp.float64, device=device)
         self.place(0.0)
 
     def place(self, time: float) -> None:
@@ -78,6 +82,10 @@ class WallSet:
             arm = points[moved] - poses["centre"]
             velocity[moved] = poses["velocity"] + np.cross(poses["spin"], arm)
         return velocity
+
+    def loads(self) -> np.ndarray:
+        """Sums over the threads of what bodies do to each wall, shape (walls, 7), see `loads.py` [scene units]."""
+        return self.record.loads.numpy().sum(axis=0)
 
     @property
     def moves(self) -> bool:

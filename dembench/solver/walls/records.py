@@ -21,6 +21,7 @@ class WallOptions:
         meshes: Some wall is a mesh of triangles.
         shapes: Bodies touch walls with points away from their centres.
         moving: The surface of some wall moves.
+        loads: Forces and torques on walls and their work are summed.
         timed: Some wall changes its place or its speed with time, so that poses are evaluated in every step.
     """
 
@@ -31,6 +32,7 @@ class WallOptions:
     shapes: bool = False
     moving: bool = False
     timed: bool = False
+    loads: bool = False
 
 
 @wp.struct
@@ -110,7 +112,8 @@ class Walls:
     plain: features that are no parts of meshes; they come first. nodes: gradient (0-2) and signed distance (3) at the
     nodes of all grids, the last axis fastest. spaces: point and normal of half-space h at 2h and 2h + 1. meshes: grids
     over the features of meshes; cell c of all holds the features mesh_part[mesh_start[c]] up to mesh_start[c + 1];
-    mesh_lowest: lowest cell that a feature reaches into, from feature `plain` on.
+    mesh_lowest: lowest cell that a feature reaches into, from feature `plain` on. loads: sums of each thread for each
+    wall, see `loads.py`.
     """
 
     features: wp.array(dtype=Feature)
@@ -123,3 +126,4 @@ class Walls:
     mesh_start: wp.array(dtype=wp.int32)
     mesh_part: wp.array(dtype=wp.int32)
     mesh_lowest: wp.array(dtype=wp.vec3i)
+    loads: wp.array3d(dtype=wp.float64)
