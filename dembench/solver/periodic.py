@@ -17,6 +17,8 @@ from dembench.solver.types import types, vec8d
 SMALLEST_BOX = 2.4
 """Shortest periodic axis in sums of the two largest radii: a pair must not touch through two images at a time, and the
 skin of the lists needs room, too."""
+SAMPLES = 256
+"""Places at which walls are compared across the faces of a periodic axis."""
 
 
 def box_lengths(scene: Scene) -> np.ndarray:
@@ -26,14 +28,34 @@ def box_lengths(scene: Scene) -> np.ndarray:
 
 
 def unsupported_boxes(scene: Scene) -> list[str]:
-    """Periodic axes that are too short for the bodies, one line each."""
+    """Periodic axes that are too short for the bodies, and walls that differ between joined faces, one line each."""
+    if not any(scene.domain.periodic) or not len(scene.bodies):
+        return []
     largest = np.sort(scene.radii())[-2:]
     least = SMALLEST_BOX * float(largest.sum()) * (2 if len(largest) == 1 else 1)
     return [
         f"a periodic {axis} of {length:g} m: at least {least:g} m for these radii"
         for axis, length in zip("xyz", box_lengths(scene), strict=True)
         if 0 < length < least
+    ] + [
+        f"wall {wall.name} in a periodic {axis}: it is not the same at both faces"
+        for k, axis in enumerate("xyz")
+        if scene.domain.periodic[k]
+        for wall in scene.walls
+        if not _continues(scene, wall, k)
     ]
+
+
+def _continues(scene: Scene, wall: Any, axis: int) -> bool:
+    """Whether bodies near one face of a periodic axis meet the wall as those near the other do: at sampled places."""
+    reach = 2 * float(scene.radii().max())
+    every = max(1, len(scene.bodies) // SAMPLES)
+    distances = []
+    for face in (scene.domain.lower[axis], scene.domain.upper[axis]):
+        places = np.repeat(scene.bodies.position[::every], 3, axis=0)
+        places[:, axis] = face + np.tile([-reach, 0, reach], len(places) // 3)
+        distances.append(np.minimum(wall.signed_distance(places), reach))
+    return bool(np.allclose(*distances, rtol=0, atol=1e-6 * reach))
 
 
 def wrapped(scene: Scene, position: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from grains import FLOOR, RADIUS, gas, grains, hertz
 
-from dembench.scene import Domain, HertzMindlin, Rigid, Scene
+from dembench.scene import Cylinder, Domain, HertzMindlin, Plane, Rigid, Scene
 from dembench.solver import Simulation, SolverError
 
 DRIVERS: dict[str, dict[str, Any]] = {
@@ -177,3 +177,18 @@ def test_a_box_that_is_too_small_is_named() -> None:
         Simulation(scene)
     with pytest.raises(SolverError, match=text):
         Simulation(scene.model_copy(update={"law": Rigid()}))
+
+
+def test_a_wall_must_be_the_same_at_both_faces() -> None:
+    """A floor and a drum along the axis are; a wall across it, or a drum that ends inside, is not."""
+    size = 20 * RADIUS
+    position = [[8 * RADIUS, 10 * RADIUS, 1.2 * RADIUS], [12 * RADIUS, 10 * RADIUS, 1.2 * RADIUS]]
+    domain = box(size, (True, False, False))
+    middle = {"material": "grain", "radius": 10 * RADIUS}
+    through = Cylinder(name="through", start=(-size, size / 2, size / 2), end=(2 * size, size / 2, size / 2), **middle)
+    short = Cylinder(name="short", start=(0, size / 2, size / 2), end=(size / 2, size / 2, size / 2), **middle)
+    across = Plane(name="across", material="grain", point=(0, 0, 0), normal=(1, 0, 0))
+    Simulation(grains(position, domain=domain, walls=(FLOOR, through)))
+    for wall in (short, across):
+        with pytest.raises(SolverError, match=f"wall {wall.name} in a periodic x: it is not the same at both faces"):
+            Simulation(grains(position, domain=domain, walls=(wall,)))
