@@ -85,6 +85,28 @@ def test_two_spheres_rebound(
 
 
 @every_engine
+def test_two_spheres_rebound_across_a_periodic_face(name: str, overrides: dict[str, str], tmp_path: Path) -> None:
+    """Each touches the image of the other beyond the face, and both come back into the domain."""
+    engine = available(name)
+    domain = {"lower": (-0.01,) * 3, "upper": (0.01,) * 3, "periodic": (True, False, False)}
+    ends = []
+    for offset in (0.0, 0.01):
+        made = scene(
+            bodies={
+                "position": [[offset - 1.5e-3, 0, 0], [1.5e-3 - offset, 0, 0]],
+                "velocity": [[0.5, 0.1, 0], [-0.5, 0, 0]],
+            },
+            domain=domain,
+        )
+        (directory := tmp_path / f"{offset}").mkdir()
+        last = run(engine, made, directory, **overrides).frames[-1]
+        assert (np.abs(last.position) <= 0.01).all()
+        ends.append(last.velocity)
+    assert ends[0][0, 0] < -0.1
+    assert ends[1] == pytest.approx(ends[0], abs=1e-6)
+
+
+@every_engine
 def test_free_fall(name: str, overrides: dict[str, str], tmp_path: Path) -> None:
     """z = v t - g t^2 / 2, which velocity Verlet meets to rounding; a symplectic step is first order, below g t dt."""
     engine = available(name)
