@@ -1,8 +1,9 @@
 """Forces, torques and springs from outside that act on bodies.
 
 They kick the bodies between steps. Steps of the soft-sphere solver get half of the kick before and half after them,
-which is velocity Verlet with the force from outside; steps of the impulse solver get all of it before, as with gravity,
-so that contacts answer it. A run without them does nothing here.
+which is velocity Verlet with the force from outside; steps with rigid rows get all of it before, as with gravity, so
+that contacts answer it. Steps with compliant rows get the force itself, which acts in every substep: a kick of the
+whole step would overcome friction that the force does not. A run without them does nothing here.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ class Drive:
     Args:
         bodies: Number of bodies.
         halves: Whether half of a kick follows the step.
+        steady: Whether there are no kicks, but `load` of the bodies holds the force and the torque during a step.
 
     Attributes:
         force, torque: [N] and [N m], by id, shape (ids, 3).
@@ -30,14 +32,15 @@ class Drive:
         active: Whether anything acts.
     """
 
-    def __init__(self, bodies: int, halves: bool):
+    def __init__(self, bodies: int, halves: bool, steady: bool = False):
         self.force, self.torque = np.zeros((bodies, 3)), np.zeros((bodies, 3))
         self.body = np.zeros(0, dtype=np.int64)
         self.stiffness, self.damping = np.zeros(0), np.zeros(0)
         self.anchor, self.velocity = np.zeros((0, 3)), np.zeros((0, 3))
         self.work = 0.0
         self.active = False
-        self._halves = halves
+        self._halves, self._steady = halves, steady
+        self._laid = (np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
         self._slots = np.zeros(0, dtype=np.int64)
         self._of_build = -1
 
@@ -86,11 +89,16 @@ class Drive:
 
     def before(self, state: Any, time: float, dt: float) -> None:
         """The kick before a step of dt [s] that begins at `time` [s]."""
-        self._kick(state, time, 0.5 * dt if self._halves else dt)
+        if self._steady:
+            self._lay(state, time, dt)
+        else:
+            self._kick(state, time, 0.5 * dt if self._halves else dt)
 
     def after(self, state: Any, time: float, dt: float) -> None:
         """The kick after a step of dt [s] that ends at `time` [s]."""
-        if self._halves:
+        if self._steady:
+            self._account(state, dt)
+        elif self._halves:
             self._kick(state, time, 0.5 * dt)
 
     def acceleration(self, state: Any, time: float) -> float:
@@ -123,6 +131,22 @@ class Drive:
         self.work += float((push * (velocity + gain / 2)).sum() + (turn * (rate + swing / 2)).sum()) * u.energy
         kin[slots, 3:6] = velocity + gain
         spin[slots, :3] = rate + swing
+
+    def _lay(self, state: Any, time: float, dt: float) -> None:
+        """Writes the loads, and counts half of their work by the velocities before the step."""
+        self._laid = ids, force, torque = self._loads(state, time)
+        load, slots = state.bodies.load.numpy(), self._slots_of(state, ids)
+        load[:] = 0
+        load[slots, :3], load[slots, 4:7] = force / state.units.force, torque / state.units.energy
+        self._account(state, dt)
+
+    def _account(self, state: Any, dt: float) -> None:
+        """Half of the work of a step, by the present velocities."""
+        ids, force, torque = self._laid
+        slots, u, b = self._slots_of(state, ids), state.units, state.bodies
+        velocity = b.kin.numpy()[slots, 3:6] * u.velocity * (b.inv_m.numpy()[slots, None] > 0)
+        rate = b.spin.numpy()[slots, :3].astype(np.float64) / u.time * (b.inv_i.numpy()[slots, None] > 0)
+        self.work += 0.5 * dt * float((force * velocity).sum() + (torque * rate).sum())
 
     def _slots_of(self, state: Any, ids: np.ndarray) -> np.ndarray:
         """Place of bodies in the sorted arrays, -1 where they are gone."""

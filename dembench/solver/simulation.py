@@ -122,7 +122,8 @@ class Simulation:
         self.steps = 0
         # by id, of all bodies that are or were there
         self._species, self._radii, self._masses = scene.bodies.species, scene.radii(), scene.masses()
-        self.drive = Drive(len(scene.bodies), halves=method == "soft-sphere")
+        steady = method == "impulse" and rows == "compliant"
+        self.drive = Drive(len(scene.bodies), halves=method == "soft-sphere", steady=steady)
         self._balance = Balance()
         self.units = scene_units(scene)
         self.warnings = [] if method == "impulse" else check_step(solved, self.dt, allow_unstable)
@@ -497,6 +498,8 @@ class Simulation:
 
     def _advance(self, n: int) -> int:
         """Up to n steps, one where forces from outside act; returns how many."""
+        if isinstance(self._stepper, compliant.CompliantImpulses):
+            self._stepper.driven = self.drive.active
         if not self.drive.active:
             return self._stepper.advance(n, self.steps)
         if isinstance(self._stepper, rigid.Impulses):

@@ -33,8 +33,9 @@ def compliant_kernel(o: CompliantOptions) -> Any:
 
     Each substep: rows from the near pairs, the candidates of large bodies and the walls; their first impulses; sweeps;
     drift with the new velocities (symplectic). `substeps` is the number of substeps of a step, 0 where `limit`, the
-    largest h omega, decides. A launch may come back within a step, with `state[5]` substeps to go, and goes on there;
-    where the lists were built anew, what is left of the step is divided anew.
+    largest h omega, decides. With `driven` = 1 the load of the bodies acts on them all the time. A launch may come back
+    within a step, with `state[5]` substeps to go, and goes on there; where the lists were built anew, what is left of
+    the step is divided anew.
 
     `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last substep, 5 substeps left, 6 direction of
     the next sweep, 7 substeps made in this step, 8 fewest and 9 most substeps of a step,
@@ -64,17 +65,21 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     bigs, friction, shared = o.bigs, o.law.friction, o.shared
 
     @wp.func
-    def begin(b: Bodies, rows: Rows, i: int, fall: vec4):
-        """A body's change of velocity in a substep starts with that by gravity."""
-        m = b.inv_m[i]
-        f = vec4()
-        if m > real(0.0):
-            f = fall
+    def begin(b: Bodies, rows: Rows, i: int, h: real, fall: vec4, driven: int):
+        """A body's change of velocity in a substep starts with that by gravity and by forces from outside."""
+        m, g = b.inv_m[i], b.inv_i[i]
         z = real(0.0)
-        set_change(rows, i, vec8(f[0], f[1], f[2], m, z, z, z, b.inv_i[i]))
+        u = vec8(z, z, z, m, z, z, z, g)
+        if m > z:
+            u = vec8(fall[0], fall[1], fall[2], m, z, z, z, g)
+        if driven == 1:
+            f = b.load[i]
+            p, turn = h * m, h * g
+            u = u + vec8(p * f[0], p * f[1], p * f[2], z, turn * f[4], turn * f[5], turn * f[6], z)
+        set_change(rows, i, u)
 
     @wp.func
-    def drift(b: Bodies, rows: Rows, i: int, h: wp.float64, fall: vec4, finer: wp.vec3d):
+    def drift(b: Bodies, rows: Rows, i: int, h: wp.float64, fall: vec4, finer: wp.vec3d, driven: int):
         """Takes the change of velocity from the rows and moves the body; returns the squared speed.
 
         `finer` is the part of gravity that single precision leaves out of `fall`.
@@ -82,14 +87,12 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         k, u = kin(b, i), change_of(rows, i)
         v = wp.vec3d(k[3] + wp.float64(u[0]), k[4] + wp.float64(u[1]), k[5] + wp.float64(u[2]))
         z = real(0.0)
-        f = vec4()
         if u[3] > z:
             v = v + finer
-            f = fall
         b.kin[i] = vec8d(k[0] + h * v[0], k[1] + h * v[1], k[2] + h * v[2], v[0], v[1], v[2], k[6], k[7])
-        if wp.static(friction):
+        if wp.static(friction) or driven == 1:
             b.spin[i] = b.spin[i] + vec4(u[4], u[5], u[6], z)
-        set_change(rows, i, vec8(f[0], f[1], f[2], u[3], z, z, z, u[7]))
+        begin(b, rows, i, real(h), fall, driven)
         return wp.dot(v, v)
 
     @wp.func
@@ -120,6 +123,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         steps: int,
         substeps: int,
         sweeps: int,
+        driven: int,
         limit: wp.float64,
         first: wp.float64,
         dt: wp.float64,
@@ -208,7 +212,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     fall = vec4(real(f[0]), real(f[1]), real(f[2]), real(0.0))
                     finer = f - wp.vec3d(wp.float64(fall[0]), wp.float64(fall[1]), wp.float64(fall[2]))
                     for i in range(total):
-                        begin(b, rows, i, fall)
+                        begin(b, rows, i, real(h), fall, driven)
                     rows.u[total] = vec8()
                     fresh = 0
             reach = h * (fastest + h * weight)
@@ -315,11 +319,11 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     load_walls(b, lists, walls, rows, wall, count, dt)
                 fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
                 for i in range(n):
-                    speed = drift(b, rows, i, h, fall, finer)
+                    speed = drift(b, rows, i, h, fall, finer, driven)
                     fastest = wp.max(fastest, speed)
                     check += speed
                 for i in range(n, total):
-                    speed = drift(b, rows, i, h, fall, finer)
+                    speed = drift(b, rows, i, h, fall, finer, driven)
                     fastest_big = wp.max(fastest_big, speed)
                     check += speed
                 fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)

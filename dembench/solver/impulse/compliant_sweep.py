@@ -10,7 +10,8 @@ the elastic energy U(d) and the stiffnesses k = U'' and kt and dashpots c and ct
 The elastic force is the mean over the way of the substep, so its work is the change of U: a contact never gains energy,
 whatever the substep (discrete gradient: Gonzalez 1996, doi 10.1007/BF02440162). With the drift x += h v such a spring
 damps like a dashpot k h/2, by which that of the law is reduced; where the law damps less than this, the row damps too
-much. k, kt, c and ct are taken at d - h v/2. For h -> 0 all this is the soft-sphere law.
+much. k and c are taken at d - h v/2; kt and ct at d - h v, so that no spring is bent with less than the stiffness that
+it is left with. For h -> 0 all this is the soft-sphere law.
 """
 
 from functools import cache
@@ -69,6 +70,18 @@ def visit_function(o: CompliantOptions) -> Any:
         return force, slope
 
     @wp.func
+    def powers(overlap: real):
+        """Powers 1/2 and 1/4 of an overlap; in a linear law 1 of a contact."""
+        root, quarter = real(1.0), real(1.0)
+        if wp.static(linear):
+            if overlap == real(0.0):
+                root, quarter = real(0.0), real(0.0)
+        else:
+            root = wp.sqrt(overlap)
+            quarter = wp.sqrt(root)
+        return root, quarter
+
+    @wp.func
     def visit(a: vec8, b: vec8, ui: vec8, uj: vec8, c: PairClass, h: real):
         zero, half = real(0.0), real(0.5)
         n = vec3(a[0], a[1], a[2])
@@ -84,15 +97,11 @@ def visit_function(o: CompliantOptions) -> Any:
         free = vn - w * normal_old
 
         met = wp.max(overlap - half * h * vn, zero)
-        root, quarter, stiffness = real(1.0), real(1.0), real(c.kn)
+        root, quarter = powers(met)
+        share = real(1.5)
         if wp.static(linear):
-            if met == zero:
-                root, quarter, stiffness = real(0.0), real(0.0), real(0.0)
-        else:
-            root = wp.sqrt(met)
-            quarter = wp.sqrt(root)
-            stiffness = real(1.5) * c.kn * root
-        rest = wp.max(c.dn * quarter - half * h * stiffness, zero)
+            share = real(1.0)
+        rest = wp.max(c.dn * quarter - half * share * h * c.kn * root, zero)
         v = vn + zero
         force = real(0.0)
         for _k in range(wp.static(NEWTON)):
@@ -111,6 +120,7 @@ def visit_function(o: CompliantOptions) -> Any:
             lt = old - normal_old * n
             wt = w + ai * ai * ui[7] + aj * aj * uj[7]
             slip = g - vn * n - wt * lt
+            root, quarter = powers(wp.max(overlap - h * v, zero))
             kt = c.kt * root
             resist = wp.max(c.dt * quarter, half * kt * h)
             lt = (kt * xi + resist * slip) * (-h / (real(1.0) + h * resist * wt))
