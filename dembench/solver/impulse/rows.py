@@ -6,6 +6,7 @@ a positive gap enters as v' >= -gap/dt.
 
 from dataclasses import dataclass, field
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -69,6 +70,48 @@ def row_types(precision: str) -> Any:
 
     Rows.__qualname__ = Rows.__name__ = f"Rows_{precision}"
     return wp.struct(Rows)
+
+
+@cache
+def row_access(precision: str) -> Any:
+    """Direct access to the rows as Warp functions; the generated one allows negative indices and any stride.
+
+    first(rows, r) and second(rows, r): indices i and j; constants(rows, r): a; impulses(rows, r) and set_impulses(rows,
+    r, b): b; state(rows, i) and set_state(rows, i, u): u.
+    """
+    t = types(precision)
+    Rows, vec8 = row_types(precision), t.vec8
+
+    @wp.func_native("return rows.i.data[r];")
+    def first(rows: Rows, r: int) -> int: ...
+
+    @wp.func_native("return rows.j.data[r];")
+    def second(rows: Rows, r: int) -> int: ...
+
+    @wp.func_native("return rows.a.data[r];")
+    def constants(rows: Rows, r: int) -> vec8: ...
+
+    @wp.func_native("return rows.b.data[r];")
+    def impulses(rows: Rows, r: int) -> vec8: ...
+
+    @wp.func_native("rows.b.data[r] = b;")
+    def set_impulses(rows: Rows, r: int, b: vec8): ...
+
+    @wp.func_native("return rows.u.data[i];")
+    def state(rows: Rows, i: int) -> vec8: ...
+
+    @wp.func_native("rows.u.data[i] = u;")
+    def set_state(rows: Rows, i: int, u: vec8): ...
+
+    return SimpleNamespace(
+        first=first,
+        second=second,
+        constants=constants,
+        impulses=impulses,
+        set_impulses=set_impulses,
+        state=state,
+        set_state=set_state,
+    )
 
 
 @cache

@@ -160,8 +160,8 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
                 search.z[r] = impulses(rows.b[r])
             for i in range(total):
                 search.u[i] = rows.u[i]
-            sweep(rows, count, 0)
-            sweep(rows, count, 1)
+            sweep(rows, count, limits.still, 0)
+            sweep(rows, count, limits.still, 1)
             made += 2
             c = curvatures(rows, search, total)
             g = slopes(rows, search, count)

@@ -231,10 +231,10 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                     state[7] = state[7] + hits
                     blows += 1
                 warm_start(rows, counted)
-                largest = sweep(rows, counted, 0)
+                changed = sweep(rows, counted, limits.still, 0)
                 sweeps = int(1)
-                while largest > limits.still and sweeps < limits.velocity_sweeps:
-                    largest = sweep(rows, counted, sweeps % 2)
+                while changed > 0 and sweeps < limits.velocity_sweeps:
+                    changed = sweep(rows, counted, limits.still, sweeps % 2)
                     sweeps += 1
                 state[5] = state[5] + sweeps
                 if wp.static(stabilization):

@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.rows import ImpulseOptions, row_types
+from dembench.solver.impulse.rows import ImpulseOptions, row_access, row_types
 from dembench.solver.types import types
 
 
@@ -25,6 +25,7 @@ def row_arithmetic(o: ImpulseOptions) -> Any:
     t = types(o.precision)
     real, vec3, vec8 = t.real, t.vec3, t.vec8
     Rows = row_types(o.precision)
+    set_state = row_access(o.precision).set_state
     friction = o.friction
 
     @wp.func
@@ -56,8 +57,8 @@ def row_arithmetic(o: ImpulseOptions) -> Any:
         if wp.static(friction):
             p = p + across
             turn = wp.cross(n, across)
-        rows.u[i] = change(ui, p, turn, ri)
-        rows.u[j] = change(uj, -p, turn, rj)
+        set_state(rows, i, change(ui, p, turn, ri))
+        set_state(rows, j, change(uj, -p, turn, rj))
 
     @wp.func
     def in_cone(impulse: vec3, bound: real):
@@ -74,13 +75,17 @@ def row_arithmetic(o: ImpulseOptions) -> Any:
 def sweep_functions(o: ImpulseOptions) -> Any:
     """Warp functions (warm_start, sweep, remember).
 
-    sweep(rows, count, reverse) visits every row once and returns the largest change of a relative velocity.
+    sweep(rows, count, still, reverse) visits every row once and returns in how many a relative velocity changed by more
+    than `still`.
     """
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Rows = row_types(o.precision)
     arithmetic = row_arithmetic(o)
     velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
+    access = row_access(o.precision)
+    first, second, state = access.first, access.second, access.state
+    constants, impulses, set_impulses = access.constants, access.impulses, access.set_impulses
     friction = o.friction
 
     @wp.func
@@ -95,15 +100,15 @@ def sweep_functions(o: ImpulseOptions) -> Any:
                 apply(rows, i, j, rows.u[i], rows.u[j], n, a[7], b[0], b[1], vec3(b[4], b[5], b[6]))
 
     @wp.func
-    def sweep(rows: Rows, count: int, reverse: int):
-        largest = real(0.0)
+    def sweep(rows: Rows, count: int, still: real, reverse: int):
+        changed = int(0)
         for q in range(count):
             r = q
             if reverse == 1:
                 r = count - 1 - q
-            a, b = rows.a[r], rows.b[r]
-            i, j = rows.i[r], rows.j[r]
-            ui, uj = rows.u[i], rows.u[j]
+            a, b = constants(rows, r), impulses(rows, r)
+            i, j = first(rows, r), second(rows, r)
+            ui, uj = state(rows, i), state(rows, j)
             n = vec3(a[0], a[1], a[2])
             v = velocity(ui, uj, n, a[7], b[0])
             vn = wp.dot(v, n)
@@ -117,14 +122,15 @@ def sweep_functions(o: ImpulseOptions) -> Any:
             size2 = normal * normal + wp.dot(across, across)
             if size2 > real(0.0):
                 apply(rows, i, j, ui, uj, n, a[7], b[0], normal, across)
-                rows.b[r] = vec8(b[0], ln, b[2], b[3], lt[0], lt[1], lt[2], b[7])
-                largest = wp.max(largest, wp.sqrt(size2) / a[4])
-        return largest
+                set_impulses(rows, r, vec8(b[0], ln, b[2], b[3], lt[0], lt[1], lt[2], b[7]))
+                if size2 > still * still * a[4] * a[4]:
+                    changed += 1
+        return changed
 
     @wp.func
-    def remember(rows: Rows, first: int, last: int, memory: wp.array(dtype=vec4)):
-        """Keeps the impulses of rows first..last, and the load of the position pass, for the next step."""
-        for r in range(first, last):
+    def remember(rows: Rows, begin: int, end: int, memory: wp.array(dtype=vec4)):
+        """Keeps the impulses of rows begin..end, and the load of the position pass, for the next step."""
+        for r in range(begin, end):
             a, b = rows.a[r], rows.b[r]
             # more than the normal impulse is not a load but an overlap that relaxes
             push = wp.min(rows.push[r], b[1])
