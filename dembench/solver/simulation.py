@@ -117,6 +117,11 @@ class Simulation:
             raise SolverError(f"softening and dt 'auto' are for the soft-sphere solver, not for {method}")
         softer = softening_of(scene) if softening else None
         self.scene, solved = scene, softer.apply(scene) if softer else scene
+        if dt is not None and dt != "auto" and not 0 < dt < math.inf:
+            raise SolverError(f"dt = {dt}: accepted is a finite number above 0 [s]")
+        for name, sweeps, least in (("velocity", velocity_sweeps, 1), ("position", position_sweeps, 0)):
+            if sweeps is not None and sweeps < least:
+                raise SolverError(f"{name}_sweeps = {sweeps}: accepted is {least} or more")
         self.dt = choose_step(solved, midpoint).step if dt == "auto" else dt or scene.closed_step()
         self.settings = {**settings, "dt": self.dt}
         self.steps = 0

@@ -9,7 +9,7 @@ import pytest
 from grains import FLOOR, RADIUS, gas, grains
 
 from dembench.scene import Box, Constraint, Plane, Scene
-from dembench.solver import Simulation
+from dembench.solver import Simulation, SolverError
 
 DT = 5e-5
 GRAVITY = (0, 0, -9.81)
@@ -47,7 +47,7 @@ def test_a_sphere_rebounds_from_a_floor(restitution: float) -> None:
 
 @pytest.mark.parametrize("fall", [0.0, 1e-6, 9.81])
 @pytest.mark.parametrize("speed", [2.0, 0.3])
-def test_friction_of_an_oblique_impact_is_the_same_law_at_any_gravity(speed: float, fall: float) -> None:
+def test_d18_friction_of_an_oblique_impact_is_the_same_law_at_any_gravity(speed: float, fall: float) -> None:
     """Tangential impulse min(mu (1 + e) m vn, 2/7 m vt), whether the grain then slides or sticks."""
     e, mu = 0.6, 0.2
     scene = grains(
@@ -70,7 +70,7 @@ def test_friction_of_an_oblique_impact_is_the_same_law_at_any_gravity(speed: flo
 
 
 @pytest.mark.parametrize("fall", [0.0, 9.8])
-def test_spinning_spheres_are_deflected_by_the_bound_of_coulomb(fall: float) -> None:
+def test_d38_spinning_spheres_are_deflected_by_the_bound_of_coulomb(fall: float) -> None:
     """+-2 m/s, both spins 10 rad/s, unit spheres, e = 0.2, mu = 0.6: mu (1 + e) v_rel m* = 1.44, less than sticking."""
     scene = grains(
         [[-1.5, 0, 0], [1.5, 0, 0]],
@@ -129,14 +129,14 @@ def incline(angle: float, friction: float, locked: bool = False) -> Scene:
 
 
 @pytest.mark.parametrize("ratio", [0.9, 0.99])
-def test_a_block_sticks_below_the_friction_angle(ratio: float) -> None:
+def test_w10_d34_a_block_sticks_below_the_friction_angle(ratio: float) -> None:
     simulation = rigid(incline(np.arctan(ratio * 0.5), 0.5, locked=True))
     simulation.step(20000)
     assert simulation.position[0, 0] == pytest.approx(0, abs=1e-4 * RADIUS)
 
 
 @pytest.mark.parametrize("ratio", [1.01, 1.05, 1.15])
-def test_a_block_slides_above_the_friction_angle_from_rest(ratio: float) -> None:
+def test_w10_d34_a_block_slides_above_the_friction_angle_from_rest(ratio: float) -> None:
     """1/2 (g sin - mu g cos) t^2, however slow: nothing falls asleep. A symplectic step is (1 + dt/t) too far."""
     theta = np.arctan(ratio * 0.5)
     simulation = rigid(incline(theta, 0.5, locked=True))
@@ -148,7 +148,7 @@ def test_a_block_slides_above_the_friction_angle_from_rest(ratio: float) -> None
 
 
 @pytest.mark.parametrize("factor", [0.9, 1.1])
-def test_a_sphere_on_an_incline_rolls_or_slides(factor: float) -> None:
+def test_d35_a_sphere_on_an_incline_rolls_or_slides(factor: float) -> None:
     """a = 5/7 g sin for mu above 2/7 tan(theta), else g (sin - mu cos)."""
     theta = 0.6
     friction = factor * 2 / 7 * np.tan(theta)
@@ -168,7 +168,7 @@ def test_a_sliding_sphere_ends_rolling_with_five_sevenths_of_its_speed() -> None
     assert simulation.angular_velocity[0, 1] * RADIUS == pytest.approx(5 / 7 * 0.3, rel=1e-5)
 
 
-def test_a_grain_that_slides_into_a_wall_is_not_thrown_up() -> None:
+def test_w9_a_grain_that_slides_into_a_wall_is_not_thrown_up() -> None:
     wall = Plane(name="wall", material="grain", point=(0.01, 0, 0), normal=(-1, 0, 0))
     scene = grains(
         [[0, 0, RADIUS]], [[2.0, 0, 0]], walls=(FLOOR, wall), gravity=GRAVITY, friction=0.0, restitution=1e-3
@@ -182,7 +182,7 @@ def test_a_grain_that_slides_into_a_wall_is_not_thrown_up() -> None:
 
 
 @pytest.mark.parametrize("dt", [1e-5, 1e-4, 1e-3])
-def test_a_bullet_does_not_go_through_a_wall(dt: float) -> None:
+def test_w13_a_bullet_does_not_go_through_a_wall(dt: float) -> None:
     """100 m/s: up to fifty diameters per step."""
     roof = Plane(name="roof", material="grain", point=(0, 0, 0.3), normal=(0, 0, -1))
     scene = grains([[0, 0, 0.15]], [[0, 0, -100.0]], walls=(FLOOR, roof), restitution=0.9)
@@ -196,7 +196,7 @@ def test_a_bullet_does_not_go_through_a_wall(dt: float) -> None:
 
 
 @pytest.mark.parametrize("dt", [1e-5, 1e-4, 5e-4])
-def test_a_bullet_does_not_go_through_a_layer_of_spheres(dt: float) -> None:
+def test_w13_a_bullet_does_not_go_through_a_layer_of_spheres(dt: float) -> None:
     """A layer of fixed grains, hit in its middle and off it; at 5e-4 s the bullet moves 25 diameters per step."""
     x = 2 * RADIUS * np.arange(-4, 5)
     height = 5 * RADIUS
@@ -284,3 +284,15 @@ def test_a_repeated_run_gives_the_same_bits() -> None:
             made += min(block, 1000 - made)
         ends.append([a.tobytes() for a in (simulation.position, simulation.velocity, simulation.angular_velocity)])
     assert ends[0] == ends[1] == ends[2]
+
+
+@pytest.mark.parametrize("dt", [0.0, -1e-5, float("nan"), float("inf")])
+def test_what_is_no_step_is_refused(dt: float) -> None:
+    with pytest.raises(SolverError, match=f"dt = {dt}"):
+        rigid(grains([[0, 0, 0]]), dt)
+
+
+@pytest.mark.parametrize(("name", "value"), [("velocity_sweeps", 0), ("position_sweeps", -1)])
+def test_numbers_of_sweeps_that_make_no_sense_are_refused(name: str, value: int) -> None:
+    with pytest.raises(SolverError, match=f"{name} = {value}"):
+        rigid(grains([[0, 0, 0]]), **{name: value})
