@@ -123,9 +123,13 @@ def test_w8_the_present_overlap_is_that_of_the_positions(method: str) -> None:
 
 
 def test_progress_is_told() -> None:
+    """Also where nothing happens that would need new lists, and with the bits of a run that is not watched."""
     told: list[int] = []
-    drops("soft-sphere").step(50, told.append)
-    assert told[-1] == 50 and told == sorted(told)
+    watched, silent = drops("soft-sphere"), drops("soft-sphere")
+    watched.step(2000, told.append)
+    silent.step(2000)
+    assert len(told) > 5 and told[-1] == 2000 and told == sorted(told)
+    assert watched.position.tobytes() == silent.position.tobytes()
 
 
 def test_the_state_as_table_and_for_paraview(tmp_path: Path) -> None:

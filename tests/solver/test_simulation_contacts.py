@@ -83,6 +83,25 @@ def test_a_column_at_rest_carries_its_weight() -> None:
     assert simulation.coordination_number() == pytest.approx(2 * 4 / 5)
 
 
+@pytest.mark.parametrize("rows", ["compliant", "rigid"])
+def test_the_contacts_of_impulses_carry_the_weight(rows: str) -> None:
+    """The forces on each of five stacked grains add up to its weight; the elastic energy is that of the law."""
+    overlap = (5 - np.arange(5)) ** (2 / 3) * (0.5 if rows == "compliant" else 0.0)
+    scene = grains([[0, 0, RADIUS]], gravity=(0, 0, -G), walls=(FLOOR,), young=1e6)
+    height = RADIUS + 2 * RADIUS * np.arange(5) - np.cumsum(overlap) * resting_overlap(scene)
+    scene = grains(np.column_stack([0 * height, 0 * height, height]), gravity=(0, 0, -G), walls=(FLOOR,), young=1e6)
+    simulation = Simulation(scene, 2e-5, method="impulse", rows=rows, precision="float64")
+    simulation.step(6000)
+    found = simulation.contacts()
+    carried = found.sum_by_body(simulation.ids)
+    assert carried == pytest.approx(np.tile([0, 0, MASS * G], (5, 1)), abs=0.02 * MASS * G)
+    assert found.normal_force == pytest.approx(np.array([5, 4, 3, 2, 1]) * MASS * G, rel=0.02)
+    if rows == "rigid":
+        assert not found.energy.any()
+    else:
+        assert found.energy == pytest.approx(0.4 * found.normal_force * found.overlap, rel=0.05)
+
+
 def test_the_slip_at_a_wall_that_moves() -> None:
     """A grain at rest on a belt slips by the speed of the belt; a corner gives one contact per face."""
     belt = Plane(

@@ -15,7 +15,7 @@ from dembench.solver import Simulation, SolverError
 
 
 def shaken(n: int = 200) -> Scene:
-    """Fast grains of two sizes and a ball in a closed drum that turns."""
+    """Fast grains of two sizes and a ball in a closed drum that turns and shakes."""
     position, velocity, spin = gas(n, speed=1.0, spacing=2.6)
     low, high = position.min(axis=0), position.max(axis=0)
     middle = (low + high) / 2
@@ -26,7 +26,9 @@ def shaken(n: int = 200) -> Scene:
         start=(middle[0], low[1] - 1.3 * RADIUS, middle[2]),
         end=(middle[0], high[1] + 1.3 * RADIUS, middle[2]),
         radius=ball[2] - middle[2] + 6.1 * RADIUS,
-        motion=Motion(angular_velocity=(0, 100.0, 0), centre=tuple(middle)),
+        motion=Motion(
+            angular_velocity=(0, 100.0, 0), centre=tuple(middle), amplitude=(0, 0, 0.05 * RADIUS), frequency=500.0
+        ),
     )
     return grains(
         [*position, ball],
