@@ -1,5 +1,6 @@
 # make run     sets everything up, runs case 3 (quick) on three engines, ends with the path of the report
 # make test    sets everything up, runs the tests
+# make verify  sets everything up, runs the suites of known answers, ends with the path of the page
 # make bench   the tests that take minutes: physics on full beds, timings
 # make lint    style and types
 # make clean   removes .venv, caches and builds; runs and reports stay
@@ -11,7 +12,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := test
-.PHONY: run test bench lint clean engines browser
+.PHONY: run test verify bench lint clean engines browser
 
 run: $(READY) engines
 	@$(BIN)/dembench run case3 --out $(OUT) \
@@ -19,6 +20,9 @@ run: $(READY) engines
 
 test: $(READY) engines browser
 	$(BIN)/python -m pytest
+
+verify: $(READY)
+	@$(BIN)/dembench verify --engines peclet --out $(OUT)/verify
 
 bench: $(READY) engines
 	$(BIN)/python -m pytest -m slow

@@ -9,8 +9,10 @@ import pytest
 from typer.testing import CliRunner
 
 from dembench import recipes
+from dembench.cases.impact_scores import QUANTITIES
 from dembench.cases.registry import parse_case
 from dembench.cli import app
+from dembench.engines import registry
 from dembench.runs.directory import find_runs
 from dembench.runs.plan import RequestError, parse_engines
 from dembench.scene import Overlap, save_scene
@@ -77,11 +79,14 @@ def test_an_unknown_recipe_names_the_nearest() -> None:
 
 
 @pytest.mark.parametrize("name", recipes.names())
-def test_the_recipes_of_the_package_ask_for_what_there_is(name: str) -> None:
+def test_the_recipes_of_the_package_ask_for_what_there_is(name: str, small_scene) -> None:
     """Cases, presets, engines, settings and quantities exist."""
     recipe = recipes.load(recipes.find(name))
     request = recipe.request(Path("runs"))
-    assert parse_engines(request.engines or "")
+    for choice in parse_engines(request.engines or ""):
+        registry.engine(choice.engine).settings(small_scene(), recipe.division, choice.overrides)
+    if recipe.page is not None:
+        assert {*recipe.page.quantities, *recipe.page.errors} <= set(QUANTITIES)
     for text in recipe.cases:
         case, parameters = parse_case(text)
         case.check(parameters, recipe.preset or "quick")

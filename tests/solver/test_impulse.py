@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from grains import FLOOR, RADIUS, gas, grains
 
-from dembench.scene import Box, Constraint, Plane, Scene
+from dembench.scene import Box, Constraint, Scene
 from dembench.solver import Simulation, SolverError
 
 DT = 5e-5
@@ -166,55 +166,6 @@ def test_a_sliding_sphere_ends_rolling_with_five_sevenths_of_its_speed() -> None
     simulation.step(2000)
     assert simulation.velocity[0, 0] == pytest.approx(5 / 7 * 0.3, rel=1e-5)
     assert simulation.angular_velocity[0, 1] * RADIUS == pytest.approx(5 / 7 * 0.3, rel=1e-5)
-
-
-def test_w9_a_grain_that_slides_into_a_wall_is_not_thrown_up() -> None:
-    wall = Plane(name="wall", material="grain", point=(0.01, 0, 0), normal=(-1, 0, 0))
-    scene = grains(
-        [[0, 0, RADIUS]], [[2.0, 0, 0]], walls=(FLOOR, wall), gravity=GRAVITY, friction=0.0, restitution=1e-3
-    )
-    simulation = rigid(scene)
-    for _ in range(100):
-        simulation.step(4)
-        assert abs(simulation.position[0, 2] - RADIUS) < 1e-3 * RADIUS
-        assert abs(simulation.velocity[0, 2]) < 1e-3
-    assert -2.1e-3 < simulation.velocity[0, 0] <= 0
-
-
-@pytest.mark.parametrize("dt", [1e-5, 1e-4, 1e-3])
-def test_w13_a_bullet_does_not_go_through_a_wall(dt: float) -> None:
-    """100 m/s: up to fifty diameters per step."""
-    roof = Plane(name="roof", material="grain", point=(0, 0, 0.3), normal=(0, 0, -1))
-    scene = grains([[0, 0, 0.15]], [[0, 0, -100.0]], walls=(FLOOR, roof), restitution=0.9)
-    simulation = rigid(scene, dt)
-    bounced = 0
-    for _ in range(round(0.02 / dt)):
-        simulation.step()
-        assert -1e-6 < simulation.position[0, 2] - RADIUS < 0.298 + 1e-6
-        bounced += simulation.velocity[0, 2] > 0
-    assert bounced > 0
-
-
-@pytest.mark.parametrize("dt", [1e-5, 1e-4, 5e-4])
-def test_w13_a_bullet_does_not_go_through_a_layer_of_spheres(dt: float) -> None:
-    """A layer of fixed grains, hit in its middle and off it; at 5e-4 s the bullet moves 25 diameters per step."""
-    x = 2 * RADIUS * np.arange(-4, 5)
-    height = 5 * RADIUS
-    layer = np.array([[a, b, height] for a in x for b in x])
-    for shift in (0.0, 0.45):
-        bullet = [2 * RADIUS * shift, 2 * RADIUS * shift, height + 0.0437]
-        scene = grains(
-            [*layer, bullet],
-            [*np.zeros_like(layer), [0, 0, -100.0]],
-            walls=(FLOOR,),
-            constraints=(Constraint(kind="fixed", bodies=tuple(range(len(layer)))),),
-        )
-        simulation = rigid(scene, dt)
-        for _ in range(round(2e-3 / dt)):
-            simulation.step()
-            assert simulation.position[-1, 2] > height
-        assert simulation.velocity[-1, 2] > 0
-        assert (simulation.position[:-1] == layer).all()
 
 
 def heap(n: int = 343, **changes: Any) -> Scene:

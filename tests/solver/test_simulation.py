@@ -109,19 +109,6 @@ def test_held_bodies(method: str) -> None:
     assert simulation.position[2] == pytest.approx([3.05, 0.025, 0.1], abs=1e-12)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_w8_the_present_overlap_is_that_of_the_positions(method: str) -> None:
-    """It is neither a residual of the solver nor the largest met in the run: a pair that has parted has none."""
-    simulation = drops(method, gravity=(0, 0, 0))
-    simulation.position = [[0, 0, 1.0], [0, 0, 1.19]]
-    assert simulation.overlap() == pytest.approx(0.01, rel=1e-9)
-    simulation.velocity = [[0, 0, -1.0], [0, 0, 1.0]]
-    simulation.step(1000)
-    assert simulation.overlap() == 0
-    if method == "soft-sphere":
-        assert simulation.largest_overlap() == pytest.approx(0.01, rel=0.1)
-
-
 def test_progress_is_told() -> None:
     """Also where nothing happens that would need new lists, and with the bits of a run that is not watched."""
     told: list[int] = []

@@ -49,19 +49,6 @@ def test_a_dropped_grain_bounces_to_the_height_of_the_restitution() -> None:
     assert highest / drop == pytest.approx(0.49, rel=5e-3)
 
 
-def test_a_grain_that_slides_into_a_wall_is_not_thrown_up() -> None:
-    """One contact per wall: without friction the wall pushes sideways only, the floor upwards only."""
-    wall = Plane(name="wall", material="grain", point=(0.01, 0, 0), normal=(-1, 0, 0))
-    law = {"gravity": GRAVITY, "friction": 0.0, "restitution": 0.01, "young": 1e8}
-    rest = RADIUS - resting_overlap(grains([[0, 0, 0]], **law))
-    scene = grains([[0, 0, rest]], [[2.0, 0, 0]], walls=(FLOOR, wall), **law)
-    simulation = Simulation(scene, 1e-6)
-    for _ in range(60):
-        simulation.step(200)
-        assert abs(simulation.position[0, 2] - rest) < 1e-6 * RADIUS
-    assert -0.05 < simulation.velocity[0, 0] < 0
-
-
 WALLS = {
     "cylinder": Cylinder(
         name="tube", material="grain", start=(0.002, 0, 0.001), end=(0.010, 0.006, 0.013), radius=0.008

@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.collisions import collide_function
+from dembench.solver.impulse.collisions import collide_functions
 from dembench.solver.impulse.positions import position_sweep
 from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_functions, row_types
 from dembench.solver.impulse.stabilization import search_types, stabilization_functions
@@ -42,7 +42,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     Rows, Limits, Search = row_types(o.precision), limit_types(o.precision), search_types(o.precision)
     pair_rows, big_rows, wall_rows = row_functions(o)
     warm_start, sweep, remember = sweep_functions(o)
-    collide = collide_function(o)
+    collide, close = collide_functions(o)
     push = position_sweep(o)
     near = near_functions(o.precision, o.periodic)
     pick_near, pick_big = near.pick_near, near.pick_big
@@ -222,14 +222,16 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                         first_wall,
                         row_capacity,
                     )
-                hits, blow = collide(rows, counted, limits, 0)
+                hits, blow = collide(b, total, rows, counted, limits, step, 0)
                 state[7] = hits
                 blows = int(1)
                 while hits > 0 and blows < limits.velocity_sweeps:
-                    hits, more = collide(rows, counted, limits, blows)
+                    hits, more = collide(b, total, rows, counted, limits, step, blows)
                     blow += more
                     state[7] = state[7] + hits
                     blows += 1
+                if state[7] > 0:
+                    close(b, total, rows, counted, step)
                 warm_start(rows, counted)
                 changed = sweep(rows, counted, limits.still, 0)
                 sweeps = int(1)
