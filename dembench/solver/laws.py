@@ -192,9 +192,10 @@ def rolling_torque(precision: str) -> Any:
     """Torque of rolling friction as a Warp function (n, f, w, gain, inverse, c, dt) -> torque on i, the negative on j.
 
     Constant directional torque (Ai, Chen, Rotter & Ooi 2011, doi 10.1016/j.powtec.2010.09.030, model A): mu_r R* |Fn|
-    against the relative rolling, the part of the relative spin in the tangent plane. It is at most what cancels the
-    rolling that the contact's own friction would add in the step, and ROLLING_SHARE of the rolling there is: it
-    never turns the rolling back, and a sphere on an incline comes to rest.
+    against the relative rolling, the part of the relative spin in the tangent plane. It is at most ROLLING_SHARE of
+    what stops the rolling in the step and, where the contact's own friction leaves or drives it, what takes that up,
+    too: it never turns the rolling back, and a sphere on an incline comes to rest. Piles that it alone holds up keep
+    moving a little, as Ai et al. report for this kind of model.
 
     n, f: as in `contact_force`; w: relative spin w_i - w_j; gain: its change by the contact's friction per time;
     inverse: sum of the inverse moments of inertia; c: constants of the pair; dt: step.
@@ -206,8 +207,11 @@ def rolling_torque(precision: str) -> Any:
     def rolling(n: vec3, f: vec3, w: vec3, gain: vec3, inverse: real, c: PairClass, dt: real):
         torque = vec3()
         if inverse > real(0.0) and dt > real(0.0):
-            rate = (w - wp.dot(w, n) * n) * (real(ROLLING_SHARE) / dt)
-            torque = (rate + gain) * (real(-1.0) / inverse)
+            roll = w - wp.dot(w, n) * n
+            stop = roll * (real(ROLLING_SHARE) / dt)
+            if wp.dot(gain, roll + dt * gain) >= real(0.0):
+                stop = stop + gain
+            torque = stop * (real(-1.0) / inverse)
             bound = c.roll * wp.abs(wp.dot(f, n))
             size = wp.length(torque)
             if size > bound:
