@@ -191,6 +191,8 @@ class State:
 
     def ids(self) -> np.ndarray:
         """Ids of the bodies, ascending, shape (total,)."""
+        if self.total == self.limit:
+            return np.arange(self.total)
         return np.sort(self.identity.numpy()[: self.total])
 
     def write(self, name: str, first: int, values: np.ndarray, scale: float) -> None:
