@@ -10,7 +10,7 @@ import pytest
 from grains import FLOOR, RADIUS, gas, grains, resting_overlap
 from impacts import Impact
 
-from dembench.scene import Box, Constraint, LinearSpring, Scene
+from dembench.scene import Box, Constraint, LinearSpring, Rigid, Scene
 from dembench.solver import Simulation, SolverError
 from dembench.solver.impulse.compliant_stepper import SUBSTEP
 
@@ -339,10 +339,10 @@ def test_a_repeated_run_gives_the_same_bits() -> None:
     assert ends[0] == ends[1] == ends[2]
 
 
-def test_a_law_without_stiffness_is_refused() -> None:
-    from dembench.scene import Rigid
-
+def test_what_compliant_rows_cannot_do_is_refused() -> None:
     with pytest.raises(SolverError, match="contact law rigid: compliant rows need a stiffness"):
         compliant(grains([[0, 0, 0]], law=Rigid()), 1e-4)
     with pytest.raises(SolverError, match="rows 'soft' is not known; accepted are compliant, rigid"):
         Simulation(grains([[0, 0, 0]]), 1e-4, method="impulse", rows="soft")
+    with pytest.raises(SolverError, match="substeps: 0 is given; accepted are numbers from 1 on, or None"):
+        compliant(grains([[0, 0, 0]]), 1e-4, substeps=0)

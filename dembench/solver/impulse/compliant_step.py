@@ -178,7 +178,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     gain = ahead * weight
                     look = ahead * (fastest + gain)
                     if wp.static(timed):
-                        place(walls, 0, dt * wp.float64(first + wp.float64(done + 1)) - ahead, zero)
+                        moment = dt * (first + wp.float64(done + 1)) - ahead
+                        place(walls, 0, moment, moment)
                     near_only = int(0)
                     listed = int(pair_count[0])
                     if since_near >= zero and two * (since_near + look) <= travel[4]:

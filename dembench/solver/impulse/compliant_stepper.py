@@ -45,12 +45,17 @@ class CompliantImpulses:
         substeps: Substeps per step; None chooses them from the stiffest contact of each step.
         sweeps: Sweeps per substep.
 
+    Raises:
+        SolverError: `substeps` is below 1.
+
     Attributes:
         driven: Whether the load of the bodies, force and torque, acts on them in every substep.
         kernels: Kernels that must be loaded before the first step.
     """
 
     def __init__(self, scene: Scene, state: State, dt: float, precision: str, substeps: int | None, sweeps: int):
+        if substeps is not None and substeps < 1:
+            raise SolverError(f"substeps: {substeps} is given; accepted are numbers from 1 on, or None")
         self.state, self.dt = state, dt / state.units.time
         self.substeps, self.sweeps = substeps or 0, sweeps
         self.driven = False

@@ -1,0 +1,55 @@
+"""Settings of the impulse engine: the rows follow the scene's law, and the sweeps follow the rows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from dembench.engines.base import SettingsError
+from dembench.engines.registry import engine
+from dembench.scene import Scene, scene_from
+
+
+def scene(**changes: Any) -> Scene:
+    """One grain in free fall."""
+    fields: dict[str, Any] = {
+        "name": "grain",
+        "materials": ({"name": "grain", "density": 2500, "young": 1e7, "poisson": 0.2},),
+        "pair_laws": ({"a": "grain", "b": "grain", "restitution": 0.5, "friction": 0.3},),
+        "species": ({"name": "grain", "material": "grain", "radius": 1e-3},),
+        "bodies": {"position": [[0, 0, 0]]},
+        "domain": {"lower": (-1,) * 3, "upper": (1,) * 3},
+        "duration": 1e-2,
+        "time_step": 1e-6,
+    }
+    return scene_from({**fields, **changes})
+
+
+RIGID = scene(law={"kind": "rigid"})
+SOFT = scene()
+
+
+def test_rows_and_sweeps_follow_the_law() -> None:
+    peclet = engine("peclet")
+    rigid, soft = peclet.settings(RIGID, "closed"), peclet.settings(SOFT, "open")
+    assert (rigid.rows, rigid.velocity_sweeps, rigid.position_sweeps) == ("rigid", 8, 12)
+    assert (soft.rows, soft.velocity_sweeps, soft.substeps) == ("compliant", 1, None)
+    assert peclet.law(RIGID, rigid) == peclet.law(SOFT, soft) == ""
+    assert peclet.unsupported(RIGID) == peclet.unsupported(SOFT) == []
+
+
+def test_other_rows_than_those_of_the_law_can_be_asked_for() -> None:
+    peclet = engine("peclet")
+    chosen = peclet.settings(SOFT, "closed", {"rows": "rigid", "velocity_sweeps": "20"})
+    assert (chosen.velocity_sweeps, chosen.position_sweeps) == (20, 12)
+    assert "rigid contacts" in peclet.law(SOFT, chosen)
+    assert peclet.settings(SOFT, "closed", {"substeps": "8"}).substeps == 8
+
+
+@pytest.mark.parametrize(
+    "given", [{"rows": "rigid", "substeps": "8"}, {"substeps": "0"}, {"rows": "soft"}, {"velocity_sweeps": "0"}]
+)
+def test_settings_that_contradict_are_refused(given: dict[str, str]) -> None:
+    with pytest.raises(SettingsError, match="peclet"):
+        engine("peclet").settings(SOFT, "closed", given)
