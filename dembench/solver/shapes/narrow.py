@@ -53,6 +53,21 @@ def rank_of(contacts: wp.array(dtype=Contact), at: int):
     return rank(contacts[at].kind, contacts[at].p, contacts[at].s)
 
 
+@wp.func
+def may_touch(
+    shapes: Shapes, b: Bodies, owner: int, other: int, p: int, turn: wp.quatd, shift: wp.vec3d, reach: wp.float64
+):
+    """Whether probe p of a body comes near the field of another; turn and shift take it into the frame of the field."""
+    v = shapes.probes[shapes.table[b.kind[other]].first + p]
+    y = wp.quat_rotate(turn, wp.vec3d(v[0], v[1], v[2])) + shift
+    bound = b.kin[owner][6] + v[3] + reach
+    if wp.dot(y, y) > bound * bound:
+        return False
+    f = shapes.fields[shapes.table[b.kind[owner]].field]
+    last = f.length * wp.vec3d(wp.float64(f.size[0] - 1), wp.float64(f.size[1] - 1), wp.float64(f.size[2] - 1))
+    return wp.min(y - f.point) >= wp.float64(0.0) and wp.min(last - (y - f.point)) > wp.float64(0.0)
+
+
 @cache
 def narrow_functions(options: WallOptions) -> Any:
     """Warp functions `find`, `commit` and `relative`.
@@ -112,8 +127,19 @@ def narrow_functions(options: WallOptions) -> Any:
                     many_p, many_s = int(1), count_j
                 elif kind == wp.static(SPHERES) and field_i < 0 and field_j < 0:
                     many_p, many_s = count_i, count_j
+            owner, other = i, j
+            if kind == wp.static(A_IN_B):
+                owner, other = j, i
+            turn, shift = wp.quatd(), wp.vec3d()
+            if many_p > 0 and (kind == wp.static(A_IN_B) or kind == wp.static(B_IN_A)):
+                turn = wp.quat_inverse(shapes.turn[ids[owner]]) * shapes.turn[ids[other]]
+                shift = wp.quat_rotate_inv(shapes.turn[ids[owner]], centre_of(b, other) - centre_of(b, owner))
             for p in range(many_p):
                 for s in range(many_s):
+                    # most probes are far from the surface of the other body; of p and s one is the probe, one is 0
+                    if kind == wp.static(A_IN_B) or kind == wp.static(B_IN_A):
+                        if not may_touch(shapes, b, owner, other, p + s, turn, shift, reach):
+                            continue
                     gap, n, point = touch(shapes, b, ids, walls, i, j, feature, kind, p, s)
                     if gap < reach:
                         c = Contact()
