@@ -1,7 +1,8 @@
 """Rows: the contacts that a step may need, one per pair and wall feature, chosen at the start of the step.
 
-A row is kept for every pair whose gap can close within the step. Normals and gaps are those at the start of the step;
-a positive gap enters as v' >= -gap/dt.
+A row is kept for every pair whose gap can close within the step, also where one of the two is stopped by another
+contact: grains that fall side by side pile up within the step in which the first one lands. Normals and gaps are those
+at the start of the step; a positive gap enters as v' >= -gap/dt.
 """
 
 from dataclasses import dataclass, field
@@ -239,8 +240,11 @@ def row_functions(o: ImpulseOptions) -> Any:
         n = e * (real(1.0) / r)
         if r == real(0.0):
             n = direction(i, j)
-        vn = n[0] * real(d[3]) + n[1] * real(d[4]) + n[2] * real(d[5])
-        if gap + wp.min(vn, real(0.0)) * dt < limits.margin:
+        vi = n[0] * real(ki[3]) + n[1] * real(ki[4]) + n[2] * real(ki[5])
+        vj = n[0] * real(kj[3]) + n[1] * real(kj[4]) + n[2] * real(kj[5])
+        # either may be stopped by another contact within the step
+        closing = wp.max(wp.max(-vi, vj), wp.max(vj - vi, real(0.0)))
+        if gap - closing * dt < limits.margin:
             if count < capacity:
                 put(rows, count, i, j, slot, n, gap, real(ki[6]), real(kj[6]), c, memory, dt, limits)
             count = count + 1

@@ -27,7 +27,7 @@ FAST = 8.0
 """A contact that slides or collides faster than this many g dt is flowing."""
 SHARE = 0.01
 """Matter is at rest, and the stabilization on, where flowing contacts carry at most this fraction of the load."""
-CALM = 0.01
+CALM = 0.003
 """The stabilization ends when a step of it changes velocities by less than this many g dt, root mean square."""
 STABILIZATION_SWEEPS = 1000
 """Largest number of sweeps of the stabilization per step."""
