@@ -92,7 +92,7 @@ def _bounces(seen: dict[str, list[Seen]], command: str) -> Plot | None:
         if scene in seen:
             lines = tuple(s.line(*_height(s.motion)) for s in seen[scene])
             exact = (Known("closed form", time, bouncing(time)),)
-            panels.append(Panel(f"Height, {floor} [m]", lines, exact, log_y=False))
+            panels.append(Panel("Height [m]", lines, exact, log_y=False, title=floor.capitalize()))
     if not panels:
         return None
     ratios = [
@@ -197,7 +197,7 @@ def _deflection(seen: dict[str, list[Seen]], command: str) -> Plot | None:
         if first == equal:
             lines.append(Line("published page", time, page, MUTED, 2))
         allowed = Known("Coulomb's bound", time, bound, -bound, bound)
-        panels.append(Panel(f"Lateral, {name} [m]", tuple(lines), (allowed,)))
+        panels.append(Panel("Lateral position [m]", tuple(lines), (allowed,), title=name.capitalize()))
     return Plot(
         name="deflection",
         title="SP5: spinning spheres are deflected up to Coulomb's bound",

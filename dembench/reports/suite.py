@@ -65,8 +65,8 @@ def _engines(rows: Sequence[Row]) -> list[str]:
 
 
 def _counts(engine: str, rows: Sequence[Row]) -> tuple[int, int, int, int]:
-    """Of one engine: checks, those that are ok, those that were published, those inside the published tolerance."""
-    own = [row for row in rows if row.engine == engine]
+    """Of one engine: checks that it can do, the ok ones, those with a published number, those inside its tolerance."""
+    own = [row for row in rows if row.engine == engine and row.status != "skipped"]
     published = [row for row in own if row.check.published is not None]
     inside = [row for row in published if row.inside_published]
     return len(own), sum(row.status == "ok" for row in own), len(published), len(inside)
@@ -74,6 +74,8 @@ def _counts(engine: str, rows: Sequence[Row]) -> tuple[int, int, int, int]:
 
 def _summary(engine: str, rows: Sequence[Row]) -> str:
     checks, ok, published, inside = _counts(engine, rows)
+    if not checks:
+        return f"{engine}: no check that it can do."
     text = f"{engine}: {ok} of {checks} checks agree with the closed form"
     return f"{text}, {inside} of {published} lie inside the published tolerance." if published else f"{text}."
 
@@ -81,7 +83,7 @@ def _summary(engine: str, rows: Sequence[Row]) -> str:
 def _verdicts(rows: Sequence[Row]) -> Table:
     columns = (
         Column("Engine", kind="long"),
-        Column("Checks", kind="number"),
+        Column("Checks it can do", kind="number"),
         Column("Agree with the closed form", kind="number"),
         Column("Inside the published tolerance", kind="number"),
         Column("States"),
@@ -106,11 +108,11 @@ def _rows(rows: Sequence[Row]) -> Table:
     columns = (
         Column("Check"),
         Column("What", kind="long"),
+        Column("Status"),
         Column("Engine", kind="long"),
         Column("Measured", kind="number"),
         Column("Closed form", kind="number"),
         Column("Tolerance", kind="number", note="largest deviation that is accepted"),
-        Column("Status"),
         Column("Page measured", kind="number", note="what the published page measured"),
         Column("Page expects", kind="number", note="what the published page expects, and its tolerance"),
         Column("Inside it", note="whether the measured value is inside the tolerance of the page"),
@@ -126,11 +128,11 @@ def _rows(rows: Sequence[Row]) -> Table:
             (
                 Cell(check.id),
                 Cell(check.title, detail=check.source),
+                state_cell(row.status),
                 _engine_cell(row.engine),
                 _value(row.measured, places, check.unit),
                 _value(check.expected, places, check.unit),
                 Cell(significant(check.tolerance, 2), check.tolerance),
-                state_cell(row.status),
                 Cell() if page is None else Cell(significant(page.value), page.value),
                 Cell()
                 if page is None

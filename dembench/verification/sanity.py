@@ -38,7 +38,7 @@ PAGE_DEFLECTION = 2.974
 
 SPIN_NOTE = (
     f"The page's number is not reached because it is not physics: the tangential impulse cannot exceed Coulomb's bound "
-    f"mu (1 + e) v = {COULOMB:.2f} m/s per unit mass, nor what stops the slip, 2/7 w r = {STICKING:.3f} m/s; the page "
+    f"μ (1 + e) v = {COULOMB:.2f} m/s per unit mass, nor what stops the slip, 2/7 ω r = {STICKING:.3f} m/s; the page "
     "expects more than both. The pair slides through the whole contact, so the bound is the answer."
 )
 
@@ -149,7 +149,7 @@ def _collision_checks() -> tuple[Check, ...]:
             "m/s",
             COULOMB,
             0.01 * COULOMB,
-            "sliding contact: mu (1 + e) v",
+            "sliding contact: μ (1 + e) v",
             Published(PAGE_DEFLECTION, 2.98, 1.0, SPIN_NOTE),
         ),
         Check("SP5c", "opposite spins: lateral speed", "m/s", 0.0, 1e-4, "no slip", Published(0.0, 0.0, 0.05)),
