@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from grains import RADIUS, gas, grains
+from shaped import shaped
 
 import dembench
-from dembench.scene import Cylinder, Motion, Scene
+from dembench.scene import Clump, Cylinder, Motion, Scene, Sdf
 from dembench.solver import Simulation, SolverError
 
 
@@ -72,6 +74,42 @@ def test_a_resumed_run_gives_the_same_bits(settings: dict[str, Any], tmp_path: P
     straight = Simulation(shaken(), **settings)
     straight.step(1277)
     assert bits(straight) == bits(simulation)
+
+
+def shaking_bed() -> Scene:
+    """Grains that meet a bed given by its signed distance, which shakes."""
+    bed = Sdf.from_function(
+        name="bed",
+        material="grain",
+        function=lambda x: x[:, 2],
+        lower=(-0.02, -0.02, -0.004),
+        upper=(0.02, 0.02, 0.02),
+        spacing=0.002,
+        motion=Motion(amplitude=(0, 0, 1e-4), frequency=100.0),
+    )
+    position, velocity, spin = gas(20, speed=1.0, spacing=2.3)
+    position += [0, 0, 1.2 * RADIUS - position[:, 2].min()]
+    return grains(position, velocity, spin, walls=(bed,), gravity=(0, 0, -9.81), young=1e8)
+
+
+def clumps() -> Scene:
+    """Two clumps that fall onto a floor and each other."""
+    clump = Clump(spheres=((0, 0, 0, 4e-3), (5e-3, 0, 0, 3e-3)))
+    spin = [(40, 20, 0), (0, 0, 0)]
+    return shaped([clump], [(0, 0, 0.0042), (0.002, 0, 0.0125)], spin=spin, species=[0, 0])
+
+
+@pytest.mark.parametrize(("build", "dt"), [(shaking_bed, 1e-6), (clumps, 1e-5)], ids=["signed distance", "clumps"])
+def test_scenes_of_every_kind_resume(build: Callable[[], Scene], dt: float, tmp_path: Path) -> None:
+    simulation = Simulation(build(), dt)
+    simulation.step(400)
+    simulation.save(tmp_path / "state.npz")
+    resumed = Simulation.load(tmp_path / "state.npz")
+    for other in (simulation, resumed):
+        other.step(600)
+    assert bits(resumed) == bits(simulation)
+    free = simulation.scene.bodies.velocity[:, 2] - 9.81 * simulation.time
+    assert np.abs(simulation.velocity[:, 2] - free).max() > 5e-3, "some have met the floor"
 
 
 def saved(path: Path) -> Path:
