@@ -88,6 +88,7 @@ class Frame:
         step, time: Step number and time [s].
         present: Indices of the bodies that are still there, shape (n,), ascending.
         position, velocity, angular_velocity: [m], [m/s], [rad/s], shape (n, 3), float64.
+        wall_forces: Contact force on each wall whose force the scene observes [N], shape (3,), by name.
     """
 
     step: int
@@ -96,6 +97,7 @@ class Frame:
     position: np.ndarray
     velocity: np.ndarray
     angular_velocity: np.ndarray
+    wall_forces: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 class FrameFiles(Sequence[Frame]):

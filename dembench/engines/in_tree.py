@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ import numpy as np
 
 import dembench
 from dembench.engines.base import EngineSettings, Frame, FrameFiles, Phase, Probe, Series, Timing, Tracks
-from dembench.scene import Scene, load_scene, save_scene
+from dembench.scene import Scene, WallForce, load_scene, save_scene
 
 FRAMES = "frames"
 
@@ -57,12 +58,24 @@ def _frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:
         if not path.exists():
             break
         known.append((step, float(moment), path))
-    return FrameFiles(known, _load_frame)
+    return FrameFiles(known, partial(_load_frame, _observed_walls(scene)))
 
 
-def _load_frame(step: int, moment: float, path: Path) -> Frame:
+def _observed_walls(scene: Scene) -> list[str]:
+    """Names of the walls whose force is observed, each once."""
+    return list(dict.fromkeys(o.wall for o in scene.observables if isinstance(o, WallForce)))
+
+
+def _load_frame(walls: list[str], step: int, moment: float, path: Path) -> Frame:
     table = np.load(path)
-    return Frame(step, moment, table[:, 0].astype(int), table[:, 1:4], table[:, 4:7], table[:, 7:10])
+    present, state = table[:, 0].astype(int), (table[:, 1:4], table[:, 4:7], table[:, 7:10])
+    forces = np.load(_forces_of(path)) if walls else []
+    return Frame(step, moment, present, *state, dict(zip(walls, forces, strict=True)))
+
+
+def _forces_of(frame: Path) -> Path:
+    """The file with the forces on the observed walls that belongs to a frame."""
+    return frame.with_name(f"walls{frame.name}")
 
 
 def read_series(scene: Scene, settings: EngineSettings, directory: Path) -> Series:
@@ -113,8 +126,9 @@ def _rows(path: Path) -> np.ndarray:
 class _Recorder:
     """Writes what a run produces, and keeps the time that this takes."""
 
-    def __init__(self, directory: Path, bodies: tuple[int, ...]):
-        self.directory, self.bodies = directory, list(bodies)
+    def __init__(self, directory: Path, scene: Scene):
+        self.directory, self.bodies = directory, list(scene.tracked_bodies())
+        self.walls = _observed_walls(scene)
         self.seconds = 0.0
         (directory / FRAMES).mkdir(exist_ok=True)
         for name in ("tracks.csv", "clock.csv", "timing.json", "failure.json"):
@@ -126,6 +140,8 @@ class _Recorder:
         columns = [simulation.ids[:, None], simulation.position, simulation.velocity, simulation.angular_velocity]
         table = np.hstack(columns)
         path = self.directory / FRAMES / f"{step}.npy"
+        if self.walls:
+            np.save(_forces_of(path), [simulation.wall_force(wall) for wall in self.walls])
         with open(path.with_suffix(".tmp"), "wb") as stream:
             np.save(stream, table)
         os.replace(path.with_suffix(".tmp"), path)
@@ -156,7 +172,7 @@ def simulate(directory: Path, make: Callable[[Scene, dict[str, Any]], Any], sett
 
     begin = time.perf_counter()
     scene = load_scene(directory / "scene.json")
-    recorder = _Recorder(directory, scene.tracked_bodies())
+    recorder = _Recorder(directory, scene)
     try:
         simulation = make(scene, settings)
         set_up = time.perf_counter() - begin

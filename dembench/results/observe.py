@@ -11,7 +11,18 @@ import numpy as np
 
 from dembench.results.elastic import NormalSprings
 from dembench.results.schema import Observed, SnapshotSeries, channels, snapshot_times
-from dembench.scene import CentreOfMass, Count, ElasticEnergy, Energy, Overlap, Scene, Snapshot, Trajectory, ZoneCount
+from dembench.scene import (
+    CentreOfMass,
+    Count,
+    ElasticEnergy,
+    Energy,
+    Overlap,
+    Scene,
+    Snapshot,
+    Trajectory,
+    WallForce,
+    ZoneCount,
+)
 from dembench.scene.overlap import largest_overlap
 
 
@@ -51,7 +62,7 @@ class Observer:
         """Prepares the record of a scene.
 
         Raises:
-            ValueError: The scene has an observable that cannot be computed from positions and velocities.
+            ValueError: The scene has an observable that no engine can record.
         """
         self.scene = scene
         self.fault: Fault | None = None
@@ -167,6 +178,8 @@ class Observer:
                 return {o.name: self._springs.energy(frame.position, frame.present)}
             case Overlap():
                 return {o.name: largest_overlap(frame.position, self._radii[frame.present], self.scene.domain)}
+            case WallForce():
+                return {o.name: frame.wall_forces[o.wall]}
             case Count():
                 return {o.name: np.count_nonzero(o.region.contains(frame.position))}
             case ZoneCount():

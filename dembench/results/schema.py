@@ -95,7 +95,7 @@ def channels(scene: Scene) -> dict[str, Channel]:
     """Every time series that a complete result of the scene holds, by name; snapshots are apart.
 
     Raises:
-        ValueError: An observable cannot be computed from positions and velocities.
+        ValueError: There is an observable that no engine can record.
     """
     if refused := not_recorded(scene):
         raise ValueError("; ".join(refused))
@@ -122,6 +122,8 @@ def channels(scene: Scene) -> dict[str, Channel]:
             rows = [(name, f"Number of particles in {name}", "1", ())]
         elif isinstance(o, ZoneCount):
             rows = [(name, f"Number of particles per zone of {name}", "1", _zone_components(scene, o))]
+        elif isinstance(o, WallForce):
+            rows = [(name, f"Contact force on {o.wall}", "N", AXES)]
         elif isinstance(o, CentreOfMass):
             parts = tuple(f"{s.name}.{axis}" for s in _inhabited(scene) for axis in AXES)
             rows = [(name, "Centre of mass by species", "m", parts)]
@@ -133,13 +135,10 @@ def channels(scene: Scene) -> dict[str, Channel]:
 
 
 def not_recorded(scene: Scene) -> list[str]:
-    """Observables that cannot be computed from positions and velocities, one line each."""
+    """Observables that no engine can record, one line each."""
     found = []
     for o in scene.observables:
-        if isinstance(o, WallForce):
-            why = "wall forces are not recorded; positions and velocities do not determine them"
-            found.append(f"observable {o.name}: {why}")
-        elif isinstance(o, ElasticEnergy) and (why := _without_springs(scene)):
+        if isinstance(o, ElasticEnergy) and (why := _without_springs(scene)):
             found.append(f"observable {o.name}: the energy of springs is not known where {why}")
     return found
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.scene import Rigid, Scene, features
+from dembench.scene import Rigid, Scene, WallForce, features
 from dembench.solver.contacts import StepOptions
 from dembench.solver.guard import SolverError
 from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, advance_kernel
@@ -127,6 +127,8 @@ def unsupported_features(scene: Scene) -> list[str]:
         found.append("rolling friction of bodies that are no spheres")
     if has.shapes and has.periodic:
         found.append("periodic domains with bodies that are no spheres")
+    if has.shapes and any(isinstance(seen, WallForce) for seen in scene.observables):
+        found.append("wall forces of bodies that are no spheres")
     return found
 
 

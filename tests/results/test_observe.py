@@ -161,10 +161,14 @@ def test_a_lost_particle_is_a_fault_unless_there_is_a_sink(small_scene):
     np.testing.assert_allclose(observer.observed()["ball_displacement"].value[-1], -0.01 - 0.5 * 9.81e-4)
 
 
-def test_wall_forces_are_refused_by_name(small_scene):
+def test_wall_forces_are_those_of_the_frames(small_scene):
     scene = small_scene(observables=(WallForce(name="push", wall="box", interval=1e-3),))
-    with pytest.raises(ValueError, match="observable push"):
-        Observer(scene)
+    observer = Observer(scene)
+    frames = falling_frames(scene, 1e-5)
+    observer.update([dataclasses.replace(f, wall_forces={"box": np.array([f.time, 0, 1])}) for f in frames])
+    found = observer.observed()["push"]
+    assert found.unit == "N" and found.components == ("x", "y", "z")
+    np.testing.assert_allclose(found.value, [[f.time, 0, 1] for f in frames])
 
 
 def _slow_overlap(position, radius, period=None):

@@ -8,7 +8,7 @@ from dembench.engines.base import SettingsError
 from dembench.engines.registry import UnknownEngine
 from dembench.runs.environment import available_cores, contended, machine
 from dembench.runs.plan import EngineChoice, RequestError, SceneChoice, parse_engines, plan, split_list
-from dembench.scene import WallForce
+from dembench.scene import ElasticEnergy, Rigid
 
 
 def test_lists_are_split_outside_brackets():
@@ -110,7 +110,7 @@ def test_a_run_that_is_asked_for_twice_is_refused(standin, small_scene, tmp_path
 
 
 def test_what_cannot_be_recorded_is_refused(standin, small_scene, tmp_path):
-    scene = small_scene(observables=(WallForce(name="push", wall="box", interval=1e-3),))
+    scene = small_scene(law=Rigid(), observables=(ElasticEnergy(name="push", interval=1e-3),))
     with pytest.raises(RequestError, match="push"):
         _plan(scene, tmp_path)
 
