@@ -40,6 +40,16 @@ def test_one_sphere_in_a_clump_is_a_sphere(motion, method):
     assert found[1] == pytest.approx(found[0], abs=1e-4 * 0.5)
 
 
+def test_tangential_restitution_turns_the_slip_around():
+    """Walton: in the sticking regime the surface leaves with -beta of its slip, as that of a sphere does."""
+    fields, time = MOTIONS["oblique"]
+    scene = shaped([ONE], **{**fields, "velocity": [(0.1, 0, -0.5)]}, restitution=0.8)
+    laws = tuple(law.model_copy(update={"tangential_restitution": 0.5}) for law in scene.pair_laws)
+    sim = run(scene.model_copy(update={"pair_laws": laws}), time, "impulse", FINE["impulse"])
+    slip = sim.velocity[0, 0] - RADIUS * sim.angular_velocity[0, 1]
+    assert slip == pytest.approx(-0.5 * (0.1 + 20 * RADIUS), rel=0.01)
+
+
 @pytest.mark.parametrize("method", list(STEP))
 def test_two_spheres_in_clumps_collide_as_spheres(method):
     """Off centre, with friction and spins."""

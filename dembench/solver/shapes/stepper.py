@@ -14,8 +14,9 @@ from dembench.solver.impulse.stepper import EVENT, MARGIN, SLOP, STILL
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables
-from dembench.solver.shapes.impulse import Row, impulse_kernel
+from dembench.solver.shapes.impulse import impulse_kernel
 from dembench.solver.shapes.records import Contact, ShapeSet
+from dembench.solver.shapes.rows import Row
 from dembench.solver.shapes.soft import NOT_FINITE, OVERFLOW, REBUILD, soft_kernel
 from dembench.solver.state import State
 
