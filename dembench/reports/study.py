@@ -158,7 +158,7 @@ def _variants(recipe: Recipe, group: Group) -> list[Variant]:
 def _table(group: Group, variants: Sequence[Variant], names: Sequence[str]) -> Table:
     known = {q.name: q for v in variants for quantities in v.quantities.values() for q in quantities}
     names = [name for name in names if name in known]
-    columns = [Column("Variant", kind="long"), Column("Seeds", kind="number")]
+    columns = [Column("Variant", kind="long"), Column("State"), Column("Seeds", kind="number")]
     cells: list[list[Cell]] = []
     for name in names:
         means = [v.mean(name) for v in variants]
@@ -166,7 +166,7 @@ def _table(group: Group, variants: Sequence[Variant], names: Sequence[str]) -> T
         columns.append(Column(known[name].title, unit, "number"))
         column = numbers([None if m is None else factor * m for m in means], digits=4, most=4)
         cells.append([_with_spread(cell, v, name, factor) for cell, v in zip(column, variants, strict=True)])
-    columns += [Column("Loop time", "s", "number"), Column("State")]
+    columns.append(Column("Loop time", "s", "number"))
     loops = numbers([v.loop for v in variants])
     rows = tuple(
         (
@@ -176,10 +176,10 @@ def _table(group: Group, variants: Sequence[Variant], names: Sequence[str]) -> T
                 colour=run_cell(v.members[0]).colour,
                 detail="reference" if v.reference else v.title,
             ),
+            state_cell(_state(v)),
             Cell(str(len(v.ended)), len(v.ended)),
             *(column[k] for column in cells),
             loops[k],
-            state_cell(_state(v)),
         )
         for k, v in enumerate(variants)
     )
@@ -219,7 +219,7 @@ def _curves(group: Group, variants: Sequence[Variant], name: str, start: float, 
             for style, v in enumerate(own)
             for o in _series(v, name, start)[:1]
         ]
-        label = labelled(shown[0].title.partition(" of ")[0], unit)
+        label = labelled(shown[0].title.partition(" of ")[0].removeprefix("Vertical ").capitalize(), unit)
         panels.append(Panel(label, tuple(lines), band, title=own[0].title.capitalize()))
     return Plot(
         name=f"{group.name}-{name}".replace("_", "-"),
