@@ -28,6 +28,7 @@ class Drive:
         body: Id of the body that each spring pulls, shape (k,).
         stiffness, damping: Of each spring, [N/m] and [N s/m], shape (k,).
         anchor, velocity: Where the anchor of each spring is at time 0 [m] and its velocity [m/s], shape (k, 3).
+        driven: Ids of the bodies on which something acts, ascending.
         work: Work done on bodies so far [J].
         active: Whether anything acts.
     """
@@ -37,6 +38,7 @@ class Drive:
         self.body = np.zeros(0, dtype=np.int64)
         self.stiffness, self.damping = np.zeros(0), np.zeros(0)
         self.anchor, self.velocity = np.zeros((0, 3)), np.zeros((0, 3))
+        self.driven = np.zeros(0, dtype=np.int64)
         self.work = 0.0
         self.active = False
         self._halves, self._steady = halves, steady
@@ -60,7 +62,10 @@ class Drive:
         self._look()
 
     def _look(self) -> None:
-        self.active = bool(self.force.any() or self.torque.any() or len(self.body))
+        acted = (self.force != 0).any(axis=1) | (self.torque != 0).any(axis=1)
+        acted[self.body] = True
+        self.driven = np.flatnonzero(acted)
+        self.active = bool(len(self.driven))
 
     def add_spring(self, body: int, stiffness: float, anchor: Any, velocity: Any, damping: float, time: float) -> int:
         """Adds a spring whose anchor is at `anchor` [m] at `time` [s]; returns its index."""
@@ -75,7 +80,7 @@ class Drive:
         self.stiffness, self.damping = np.append(self.stiffness, stiffness), np.append(self.damping, damping)
         self.anchor = np.vstack([self.anchor, ends["anchor"] - time * ends["velocity"]])
         self.velocity = np.vstack([self.velocity, ends["velocity"]])
-        self.active = True
+        self._look()
         return len(self.body) - 1
 
     def spring_forces(self, state: Any, time: float) -> np.ndarray:
@@ -110,12 +115,9 @@ class Drive:
 
     def _loads(self, state: Any, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ids of the driven bodies that are there, the force [N] and the torque [N m] on each."""
-        there = self._slots_of(state, np.arange(len(self.force))) >= 0
-        driven = (self.force != 0).any(axis=1) | (self.torque != 0).any(axis=1)
-        driven[self.body] = True
-        ids = np.flatnonzero(driven & there)
-        force = self.force[ids].copy()
-        held = there[self.body]
+        ids = self.driven[self._slots_of(state, self.driven) >= 0]
+        force = self.force[ids]
+        held = self._slots_of(state, self.body) >= 0
         np.add.at(force, np.searchsorted(ids, self.body[held]), self.spring_forces(state, time)[held])
         return ids, force, self.torque[ids]
 
