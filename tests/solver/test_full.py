@@ -29,7 +29,7 @@ from dembench.solver.walls.records import WallOptions
 ROUNDING = 1e-10 * 2 * RADIUS
 """Largest difference of positions [m] between two orders of the same sums."""
 STEPS = 10 * BLOCK + 7
-WALLS = WallOptions(present=True, curved=True, moving=True, timed=True)
+WALLS = WallOptions(present=True, curved=True, grids=True, meshes=True, moving=True, timed=True, loads=True)
 
 
 def lattice(edge: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
