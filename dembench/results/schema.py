@@ -140,6 +140,8 @@ def not_recorded(scene: Scene) -> list[str]:
     for o in scene.observables:
         if isinstance(o, ElasticEnergy) and (why := _without_springs(scene)):
             found.append(f"observable {o.name}: the energy of springs is not known where {why}")
+        if isinstance(o, Energy | Overlap) and features(scene).shapes:
+            found.append(f"observable {o.name}: frames have no orientations of bodies that are no spheres")
     return found
 
 

@@ -7,7 +7,8 @@ from shaped import GRAVITY, run, shaped
 
 from dembench.engines import peclet, peclet_hertz
 from dembench.engines.liggghts import Liggghts
-from dembench.scene import Clump, Grain, Rigid
+from dembench.results.schema import not_recorded
+from dembench.scene import Clump, Energy, Grain, Rigid
 from dembench.solver import Simulation
 
 BOX = Grain.box((1.2e-2, 1e-2, 6e-3), 6e-4, 6e-4)
@@ -60,6 +61,8 @@ def test_engines_say_whether_they_have_shapes():
     assert peclet.Peclet().defaults(scene, "closed")["rows"] == "rigid"
     assert peclet_hertz.PecletHertz().unsupported(scene) == []
     assert "particles that are no spheres" in Liggghts().unsupported(scene)
+    energy = scene.model_copy(update={"observables": (Energy(name="energy", interval=0.1),)})
+    assert not_recorded(energy) == ["observable energy: frames have no orientations of bodies that are no spheres"]
     for adapter in (peclet.Peclet(), peclet_hertz.PecletHertz()):
         settings = adapter.settings_type(**adapter.defaults(scene, "closed"))
         sim = adapter.simulation(scene, settings.model_dump())
