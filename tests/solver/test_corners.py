@@ -57,8 +57,11 @@ WALLS: dict[str, tuple[Any, ...]] = {
 }
 
 
-@pytest.mark.parametrize("driver", list(DRIVERS))
-@pytest.mark.parametrize("walls", list(WALLS))
+USUAL = {("planes", "half"), ("box", "compliant"), ("grid", "half"), ("mesh", "full")} | {(w, "rigid") for w in WALLS}
+CASES = [(w, d) if (w, d) in USUAL else pytest.param(w, d, marks=pytest.mark.slow) for w in WALLS for d in DRIVERS]
+
+
+@pytest.mark.parametrize(("walls", "driver"), CASES)
 def test_d22_a_grain_that_slides_into_a_corner_stays_down_and_stops(walls: str, driver: str) -> None:
     """Along the floor into a wall, and another into the corner of three, at 2 m/s with mu = 0 and e = 0.
 
