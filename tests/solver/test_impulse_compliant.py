@@ -36,11 +36,11 @@ def pairs(speed: float, travel: float, sliding: float = 0.0, **changes: Any) -> 
     return grains(np.concatenate([first, second]), velocity, spin, **changes)
 
 
-@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.9, 1.0])
 def test_restitution_is_the_same_at_any_speed(restitution: float) -> None:
-    """As the law has it, to the part that the substeps damp; every speed meets the same phases of a substep.
+    """As the law has it, from 0.01 to 5 m/s, for any phase of the substeps, of which there are about three a contact.
 
-    At h omega = 0.9 a row damps at least as grains of e = 0.58 do, which is why those of 0.9 do not reach it.
+    Second order: 0.022 above at e = 0.5, and less the more elastic; elastic grains lose what one Newton iteration leaves.
     """
     found = []
     for speed in (0.01, 0.3, 5.0):
@@ -51,7 +51,7 @@ def test_restitution_is_the_same_at_any_speed(restitution: float) -> None:
         v = simulation.velocity[:, 0]
         found.append(float(np.mean(v[N:] - v[:N])) / speed)
     assert np.ptp(found) < 1e-3
-    assert found[0] == pytest.approx(min(restitution, 0.58), abs=0.06)
+    assert found[0] == pytest.approx(restitution, abs=0.025 if restitution < 1 else 2e-5)
 
 
 LAWS: dict[str, dict[str, Any]] = {
@@ -64,21 +64,23 @@ LAWS: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("law", list(LAWS))
 def test_oblique_impacts_converge_to_those_of_the_soft_sphere_law(law: str) -> None:
-    """First order: a quarter of the substep leaves a quarter of the error, here of velocities and surface speeds."""
+    """First order: a sixteenth of the substep leaves a sixteenth of the error of velocities and surface speeds.
+
+    Which substep a grain begins to slide in makes the error of one substep scatter by a factor of two.
+    """
     scene = pairs(1.0, 4e-6, 1.5, young=1e8, **LAWS[law])
     duration = 2e-4
     exact = Simulation(scene, duration / 16000, precision="float64")
     exact.step(16000)
     errors = []
-    for n in (100, 400, 1600):
+    for n in (100, 1600):
         simulation = compliant(scene, duration / n, substeps=1, precision="float64")
         simulation.step(n)
         dv = simulation.velocity - exact.velocity
         dw = RADIUS * (simulation.angular_velocity - exact.angular_velocity)
         errors.append(float(np.sqrt(np.mean(dv**2) + np.mean(dw**2))))
-    ratios = np.array(errors[:-1]) / errors[1:]
-    assert (ratios > 2.5).all(), errors
-    assert errors[-1] < 6e-3, errors
+    assert errors[0] > 8 * errors[-1], errors
+    assert errors[-1] < 3e-3, errors
     assert np.abs(exact.velocity[:N, 1] - scene.bodies.velocity[:N, 1]).max() > 0.1, "nothing slid"
 
 
@@ -110,9 +112,9 @@ def heap(n: int = 125, **changes: Any) -> Scene:
     return grains(position, velocity, spin, **{"walls": (box,), "gravity": GRAVITY, "restitution": 0.5, **changes})
 
 
-@pytest.mark.parametrize(("restitution", "friction"), [(1.0, 0.0), (0.5, 0.3), (0.9, 1.0)])
+@pytest.mark.parametrize(("restitution", "friction"), [(0.9, 0.0), (0.5, 0.3), (0.9, 1.0)])
 def test_energy_of_a_collapsing_pile_only_falls(restitution: float, friction: float) -> None:
-    """In every step, elastic grains and sticking ones included: the springs gain no more than what bends them."""
+    """In every step, sticking grains included: the springs gain no more than what bends them."""
     simulation = compliant(heap(restitution=restitution, friction=friction), 2e-4)
     found = []
     for _ in range(400):
@@ -120,6 +122,16 @@ def test_energy_of_a_collapsing_pile_only_falls(restitution: float, friction: fl
         simulation.step()
     assert found[-1] < 0.7 * found[0]
     assert np.diff(found).max() < 0
+
+
+def test_energy_of_elastic_grains_is_kept() -> None:
+    """One sweep leaves rows that do not know of each other's last change; what they gain or lose has no trend."""
+    simulation = compliant(heap(restitution=1.0, friction=0.0), 2e-4)
+    found = []
+    for _ in range(400):
+        found.append(total_energy(simulation))
+        simulation.step()
+    assert np.array(found) == pytest.approx(np.full(400, found[0]), rel=3e-4)
 
 
 def test_energy_of_a_gas_that_falls_together_only_falls() -> None:

@@ -107,7 +107,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
             xi = vec3()
             if wp.static(friction):
                 g = vec3(real(v[0]), real(v[1]), real(v[2])) + wp.cross(m, s)
-                xi = spring_of(memory, m, g - wp.dot(g, m) * m, made)
+                xi = spring_of(memory, m, g - wp.dot(g, m) * m, real(0.5) * made)
             place[r] = vec4(m[0], m[1], m[2], real(overlap))
             energy[r] = energy_of(real(overlap), xi, c)
 

@@ -1,8 +1,8 @@
-"""The rows of a substep, opened at its start.
+"""The rows of a substep, opened in its middle: after the first half of the drift.
 
-A row is kept for every pair whose spheres overlap or can meet within the substep, with the normal and the gap at its
-start. Every row begins with the elastic impulse of the overlap and of the tangential spring that it finds: where the
-force of the last substep was taken at its end, this is the whole impulse of the last substep.
+A row is kept for every pair whose spheres overlap at either end of the way that they go with the velocities of the
+start, with the normal and the overlap in the middle of it. Every row begins with the elastic impulse there: without any
+sweep the substep would be one of position Verlet.
 
 The spring grows by the sliding of the motion that was really made, the velocities after all rows, and not by that which
 a row foresaw: the energy in it is then the work of the motion.
@@ -62,7 +62,7 @@ def opening_functions(o: CompliantOptions) -> Any:
 
     @wp.func
     def first_impulse(n: vec3, overlap: real, xi: vec3, c: PairClass, h: real):
-        """Elastic impulse of the state at the start of a substep, within the bound of Coulomb."""
+        """Elastic impulse of an overlap and a spring, within the bound of Coulomb."""
         p = vec3()
         if overlap > real(0.0):
             root = real(1.0)
@@ -99,13 +99,15 @@ def opening_functions(o: CompliantOptions) -> Any:
         grown: real,
     ):
         """Writes a row; returns the impulse with which it begins."""
+        half = real(0.5) * h
+        vn = wp.dot(v, n)
         g = v
         xi = vec3()
         if wp.static(friction):
             g = v + wp.cross(n, ai * wi + aj * wj)
-            if overlap > real(0.0) and memory[3] != real(0.0):
-                xi = spring_of(memory, n, g - wp.dot(g, n) * n, grown)
-        p = first_impulse(n, overlap, xi, c, h)
+            if memory[3] != real(0.0):
+                xi = spring_of(memory, n, g - vn * n, real(0.5) * grown)
+        p = first_impulse(n, overlap, xi + half * (g - vn * n), c, h)
         put(rows, at, i, j, slot, vec8(n[0], n[1], n[2], overlap, g[0], g[1], g[2], ai))
         set_impulse(rows, at, vec8(xi[0], xi[1], xi[2], aj, p[0], p[1], p[2], real(0.0)))
         return p
@@ -165,7 +167,7 @@ def opening_functions(o: CompliantOptions) -> Any:
                 if r > real(0.0):
                     n = e * (real(1.0) / r)
                 v = vec3(real(d[3]), real(d[4]), real(d[5]))
-                if overlap - h * wp.min(wp.dot(v, n), real(0.0)) > real(0.0):
+                if overlap + real(0.5) * h * wp.abs(wp.dot(v, n)) > real(0.0):
                     kept = 1
                     wj = vec3()
                     if wp.static(friction):
@@ -178,11 +180,10 @@ def opening_functions(o: CompliantOptions) -> Any:
                     m = memory_of(lists, k)
                     p = open_row(rows, found, i, j, k, n, overlap, v, wi, wj, ai, aj, m, c, h, grown)
                     found += 1
-                    if overlap > real(0.0):
-                        largest = wp.max(largest, overlap)
-                        turn = wp.cross(n, p)
-                        ui = after(ui, p, turn, ai)
-                        set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
+                    largest = wp.max(largest, overlap)
+                    turn = wp.cross(n, p)
+                    ui = after(ui, p, turn, ai)
+                    set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
             if kept == 0:
                 if memory_of(lists, k)[3] != real(0.0):
                     set_memory(lists.memory, k, vec4())
@@ -223,7 +224,7 @@ def opening_functions(o: CompliantOptions) -> Any:
                 n = e * (real(1.0) / r)
             v = vec3(real(d[3]), real(d[4]), real(d[5]))
             memory = vec4(lists.big_memory[slot])
-            if overlap - h * wp.min(wp.dot(v, n), real(0.0)) > real(0.0):
+            if overlap + real(0.5) * h * wp.abs(wp.dot(v, n)) > real(0.0):
                 c = of_pair(b, i, j, table, columns)
                 rows.c[found - common] = c
                 si, sj = spin(b, i), spin(b, j)
@@ -267,7 +268,7 @@ def opening_functions(o: CompliantOptions) -> Any:
             dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, 0, x)
             v = vec3(real(dv[0]), real(dv[1]), real(dv[2]))
             memory = vec4(lists.wall_memory[q])
-            if overlap - h * (wp.min(wp.dot(v, n), real(0.0)) - fall) > real(0.0):
+            if overlap + real(0.5) * h * (wp.abs(wp.dot(v, n)) + fall) > real(0.0):
                 c = of_wall(b, i, features.features[f].kind, table, columns)
                 rows.c[found - common] = c
                 s = spin(b, i)

@@ -48,8 +48,8 @@ def compliant_types(precision: str) -> Any:
 
     i, j: indices into u, j behind the last body where i meets a wall; slot: place of the contact memory.
 
-    a: normal from j to i (0-2), overlap (negative: gap), velocity of the surface of i past that of j (4-6), lever arm
-    of i, all at the start of the substep.
+    a: normal from j to i (0-2), overlap (negative: gap) and lever arm of i (7), all in the middle of the substep;
+    velocity of the surface of i past that of j (4-6) at its start.
 
     b: tangential spring (0-2), lever arm of j, impulse on i (4-6).
 

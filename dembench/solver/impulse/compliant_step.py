@@ -31,8 +31,8 @@ FLAGS, TRAVEL = 12, 10
 def compliant_kernel(o: CompliantOptions) -> Any:
     """The kernel that makes up to `steps` steps, of which the scene has made `first`.
 
-    Each substep: rows from the near pairs, the candidates of large bodies and the walls; their first impulses; sweeps;
-    drift with the new velocities (symplectic). `substeps` is the number of substeps of a step, 0 where `limit`, the
+    Each substep: half a drift; rows from the near pairs, the candidates of large bodies and the walls; their first
+    impulses; sweeps; half a drift with the new velocities. `substeps` is the number of substeps of a step, 0 where `limit`, the
     largest h omega, decides. With `driven` = 1 the load of the bodies acts on them all the time. A launch may come back
     within a step, with `state[5]` substeps to go, and goes on there; where the lists were built anew, what is left of
     the step is divided anew.
@@ -79,8 +79,14 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         set_change(rows, i, u)
 
     @wp.func
-    def drift(b: Bodies, rows: Rows, i: int, h: wp.float64, fall: vec4, finer: wp.vec3d, driven: int):
-        """Takes the change of velocity from the rows and moves the body; returns the squared speed.
+    def drift(b: Bodies, i: int, half: wp.float64):
+        """Moves a body for the first half of a substep."""
+        k = kin(b, i)
+        b.kin[i] = vec8d(k[0] + half * k[3], k[1] + half * k[4], k[2] + half * k[5], k[3], k[4], k[5], k[6], k[7])
+
+    @wp.func
+    def end(b: Bodies, rows: Rows, i: int, half: wp.float64, fall: vec4, finer: wp.vec3d, driven: int):
+        """Takes the change of velocity from the rows and moves the body for the second half; returns the squared speed.
 
         `finer` is the part of gravity that single precision leaves out of `fall`.
         """
@@ -89,10 +95,10 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         z = real(0.0)
         if u[3] > z:
             v = v + finer
-        b.kin[i] = vec8d(k[0] + h * v[0], k[1] + h * v[1], k[2] + h * v[2], v[0], v[1], v[2], k[6], k[7])
+        b.kin[i] = vec8d(k[0] + half * v[0], k[1] + half * v[1], k[2] + half * v[2], v[0], v[1], v[2], k[6], k[7])
         if wp.static(friction) or driven == 1:
             b.spin[i] = b.spin[i] + vec4(u[4], u[5], u[6], z)
-        begin(b, rows, i, real(h), fall, driven)
+        begin(b, rows, i, real(half + half), fall, driven)
         return wp.dot(v, v)
 
     @wp.func
@@ -249,9 +255,11 @@ def compliant_kernel(o: CompliantOptions) -> Any:
             travel[9] = reach
             if going == 1:
                 now = dt * (first + wp.float64(done + 1)) - wp.float64(left) * h
+                half = wp.float64(0.5) * h
                 if wp.static(timed):
-                    # the mean velocity over the substep, so that a gap closes where the wall will be
-                    place(walls, 0, now, now + wp.float64(0.5) * h)
+                    place(walls, 0, now + half, now + half)
+                for i in range(total):
+                    drift(b, i, half)
                 step, grown = real(h), real(made)
                 big, overlap = open_pairs(
                     b, lists, near_count[0], one, pair_table, pair_columns, step, grown, two * reach, rows
@@ -318,25 +326,26 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     if state[7] == 0:
                         clear_loads(walls, 0)
                     load_walls(b, lists, walls, rows, wall, count, dt)
+                before, before_big = fastest + zero, fastest_big + zero
                 fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
                 for i in range(n):
-                    speed = drift(b, rows, i, h, fall, finer, driven)
+                    speed = end(b, rows, i, half, fall, finer, driven)
                     fastest = wp.max(fastest, speed)
                     check += speed
                 for i in range(n, total):
-                    speed = drift(b, rows, i, h, fall, finer, driven)
+                    speed = end(b, rows, i, half, fall, finer, driven)
                     fastest_big = wp.max(fastest_big, speed)
                     check += speed
                 fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
-                moved = h * fastest
+                moved, moved_big = h * wp.max(before, fastest), h * wp.max(before_big, fastest_big)
                 if wp.static(meshes):
-                    moved = wp.max(moved, h * fastest_big)
+                    moved = wp.max(moved, moved_big)
                 if wp.static(timed):
                     moved = wp.max(moved, h * wall_speed)
                 since_build += moved
                 since_near += moved
                 if wp.static(bigs):
-                    since_big += moved + h * fastest_big
+                    since_big += moved + moved_big
                 made = h
                 left -= 1
                 state[4] = count

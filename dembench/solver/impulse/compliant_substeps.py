@@ -51,7 +51,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
                 found = square * square * stiff
             else:
                 stiff = wp.float64(1.5) * kn * w
-                d, v = wp.max(overlap, zero), wp.max(closing, zero)
+                d, v = wp.max(overlap, zero), closing
                 square = stiff * stiff
                 found = square * square * stiff * (d * d * wp.sqrt(d) + wp.float64(1.25) * v * v / (w * kn))
         return found

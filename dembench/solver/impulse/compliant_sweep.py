@@ -1,17 +1,17 @@
 """Gauss-Seidel over compliant rows: the force of each row is solved together with the velocities that it leaves.
 
-With the overlap d at the start of a substep h, the separation speed v and the sliding vt at the end of the visit, and
-the elastic energy U(d) and the stiffnesses k = U'' and kt and dashpots c and ct of the law (`laws.py`):
+A substep h is a half drift, a change of velocities, and a half drift, so a contact goes the way h (v0 + v)/2 with the
+separation speeds v0 before and v after it, from the overlap d0 to d1. With the elastic energy U(d) and the stiffness kt
+and dashpots c and ct of the law (`laws.py`):
 
-    normal      Fn = (U(d) - U(d - h v))/(h v) - (c - k h/2)+ v
-    tangential  Ft = -kt (xi + h vt/2) - (ct - kt h/2)+ vt
-    sliding     |kt (xi + h vt)| > mu |Fn|: Ft = mu |Fn| along that spring, no dashpot
+    normal      Fn = (U(d0) - U(d1))/(d0 - d1) - c (v0 + v)/2
+    tangential  Ft = -s kt (xi0 + xi1)/2 - ct (vt0 + vt)/2,      xi1 = xi0 + s h (vt0 + vt)/2
+    sliding     s |kt xi1| > mu |Fn|: Ft = mu |Fn| along that spring, no dashpot
 
-The elastic force is the mean over the way of the substep, so its work is the change of U: a contact never gains energy,
-whatever the substep (discrete gradient: Gonzalez 1996, doi 10.1007/BF02440162). With the drift x += h v such a spring
-damps like a dashpot k h/2, by which that of the law is reduced; where the law damps less than this, the row damps too
-much. k and c are taken at d - h v/2; kt and ct at d - h v, so that no spring is bent with less than the stiffness that
-it is left with. For h -> 0 all this is the soft-sphere law.
+The elastic force is the mean over the way of the substep, so its work is the change of U: an elastic contact gives back
+what it took, whatever the substep (discrete gradient: Gonzalez 1996, doi 10.1007/BF02440162), and only the dashpots and
+friction dissipate. s is the part of the way on which the two touch; c and ct are means over the way; kt is taken at d1,
+so that no spring is bent with less than the stiffness that it is left with. For h -> 0 all this is the soft-sphere law.
 """
 
 from functools import cache
@@ -37,7 +37,8 @@ def visit_function(o: CompliantOptions) -> Any:
     """One visit of a row as a Warp function (a, b, ui, uj, c, h) -> (impulse, n x change, change, spring, touches).
 
     a, b, ui, uj: see `compliant_types`; c: constants of the pair; h: substep. The impulse is on i, change what it has
-    gained, spring what it leaves: together with the sliding until the end of the substep it is the spring of then.
+    gained, spring what it leaves: together with the sliding in the second half of the substep it is the spring of its
+    end.
     """
     t = types(o.law.precision)
     real, vec3, vec8, PairClass = t.real, t.vec3, t.vec8, t.PairClass
@@ -71,7 +72,7 @@ def visit_function(o: CompliantOptions) -> Any:
 
     @wp.func
     def powers(overlap: real):
-        """Powers 1/2 and 1/4 of an overlap; in a linear law 1 of a contact."""
+        """Powers 1/2 and 1/4 of an overlap; in a linear law 1 where the two touch."""
         root, quarter = real(1.0), real(1.0)
         if wp.static(linear):
             if overlap == real(0.0):
@@ -80,6 +81,29 @@ def visit_function(o: CompliantOptions) -> Any:
             root = wp.sqrt(overlap)
             quarter = wp.sqrt(root)
         return root, quarter
+
+    @wp.func
+    def share_of(before: real, after: real):
+        """Part of the way between two overlaps on which the bodies touch."""
+        zero = real(0.0)
+        deeper = wp.max(before, after)
+        share = real(0.0)
+        if deeper > zero:
+            share = deeper / wp.max(wp.abs(after - before), deeper)
+        return share
+
+    @wp.func
+    def mean_quarter(before: real, after: real):
+        """Mean of the power 1/4 of the overlap over the way; that in its middle where the two touch all the way."""
+        zero = real(0.0)
+        share = share_of(before, after)
+        middle = real(0.5) * (before + after)
+        if wp.min(before, after) < zero:
+            middle = wp.max(before, after)
+            if wp.static(not linear):
+                share = real(0.8) * share
+        _root, quarter = powers(wp.max(middle, zero))
+        return share * quarter
 
     @wp.func
     def visit(a: vec8, b: vec8, ui: vec8, uj: vec8, c: PairClass, h: real):
@@ -95,19 +119,20 @@ def visit_function(o: CompliantOptions) -> Any:
         w = ui[3] + uj[3]
         normal_old = wp.dot(old, n)
         free = vn - w * normal_old
+        start = vec3(a[4], a[5], a[6])
+        before = wp.dot(start, n)
+        ahead = half * h
+        first = overlap + ahead * before
 
-        met = wp.max(overlap - half * h * vn, zero)
-        root, quarter = powers(met)
-        share = real(1.5)
-        if wp.static(linear):
-            share = real(1.0)
-        rest = wp.max(c.dn * quarter - half * share * h * c.kn * root, zero)
+        quarter = mean_quarter(first, overlap - ahead * vn)
+        dashpot = c.dn * quarter
         v = vn + zero
         force = real(0.0)
         for _k in range(wp.static(NEWTON)):
-            value, slope = mean_force(c.kn, overlap, overlap - h * v)
-            value = value - rest * v
-            slope = h * slope + rest
+            mean = half * (before + v)
+            value, slope = mean_force(c.kn, first, overlap - ahead * v)
+            value = value - dashpot * mean
+            slope = half * (h * slope + dashpot)
             step = (free + w * h * value - v) / (real(1.0) + w * h * slope)
             force = value - slope * step
             v = v + step
@@ -119,22 +144,27 @@ def visit_function(o: CompliantOptions) -> Any:
             xi = vec3(b[0], b[1], b[2])
             lt = old - normal_old * n
             wt = w + ai * ai * ui[7] + aj * aj * uj[7]
+            slid = start - before * n
             slip = g - vn * n - wt * lt
-            root, quarter = powers(wp.max(overlap - h * v, zero))
-            kt = c.kt * root
-            resist = wp.max(c.dt * quarter, half * kt * h)
-            lt = (kt * xi + resist * slip) * (-h / (real(1.0) + h * resist * wt))
-            end = xi + h * (slip + wt * lt)
+            left = overlap - ahead * v
+            touching = share_of(first, left)
+            root, _quarter = powers(wp.max(left, zero))
+            if wp.static(linear):
+                root = real(1.0)
+            kt = touching * c.kt * root
+            resist = half * touching * kt * h + c.dt * quarter
+            lt = (kt * xi + half * resist * (slid + slip)) * (-h / (real(1.0) + ahead * resist * wt))
+            end = xi + touching * ahead * (slid + slip + wt * lt)
             stretched = kt * wp.length(end)
             bound = c.mu * wp.abs(force)
             if stretched > bound:
-                share = bound / stretched
-                lt = end * (-h * kt * share)
-                xi = end * share - h * (slip + wt * lt)
+                end = end * (bound / stretched)
+                lt = end * (-h * kt)
+            xi = end - ahead * (slip + wt * lt)
             p = p + lt
         change = p - old
         touches = real(0.0)
-        if met > zero:
+        if overlap - ahead * v > zero:
             touches = real(1.0)
         return p, wp.cross(n, change), change, xi, touches
 
