@@ -52,7 +52,7 @@ def _wall_faults(scene: Scene) -> Iterator[str]:
     position, reach, radius = scene.bodies.position, scene.radii(), scene.radii()
     owner = np.arange(len(position))
     if features(scene).shapes:
-        found = [_shaped(scene).probes(i) for i in owner]
+        found = [_shaped(scene).probes(i) for i in range(len(position))]
         owner = np.repeat(owner, [len(probes) for probes in found])
         position, reach, radius = np.vstack(found)[:, :3], np.vstack(found)[:, 3], radius[owner]
     if not len(position):

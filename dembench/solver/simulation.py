@@ -144,11 +144,11 @@ class Simulation(Operations):
         elif method == "impulse":
             self.state = State(scene, self.units, precision, 1, wall_loads)
             if rows == "rigid":
-                sweeps = (velocity_sweeps or 8, position_sweeps, stabilization)
-                self._stepper = rigid.Impulses(scene, self.state, self.dt, precision, *sweeps)
+                options = (velocity_sweeps or 8, position_sweeps, stabilization)
+                self._stepper = rigid.Impulses(scene, self.state, self.dt, precision, *options)
             else:
-                sweep = velocity_sweeps or 1
-                self._stepper = compliant.CompliantImpulses(scene, self.state, self.dt, precision, substeps, sweep)
+                sweeps = velocity_sweeps or 1
+                self._stepper = compliant.CompliantImpulses(scene, self.state, self.dt, precision, substeps, sweeps)
         else:
             self.state = State(scene, self.units, precision, threads, wall_loads)
             self._stepper = soft.SoftSpheres(solved, self.state, self.dt, precision, midpoint)

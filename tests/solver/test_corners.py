@@ -80,7 +80,7 @@ def test_d22_a_grain_that_slides_into_a_corner_stays_down_and_stops(walls: str, 
     )
     dt = 1e-4 if driver == "rigid" else 1e-6
     simulation = Simulation(scene, dt, precision="float64", **DRIVERS[driver])
-    bound = {"rigid": 1e-3, "compliant": 0.0125}.get(driver, 0.0105) * SPEED
+    bound = (1e-3 if driver == "rigid" else 0.0105) * SPEED
     fell = 0.0
     for _ in range(100):
         simulation.step(round(4e-5 / dt) if dt < 4e-5 else 1)

@@ -40,7 +40,7 @@ def pairs(speed: float, travel: float, sliding: float = 0.0, **changes: Any) -> 
 def test_restitution_is_the_same_at_any_speed(restitution: float) -> None:
     """As the law has it, from 0.01 to 5 m/s, for any phase of the substeps, of which there are about three a contact.
 
-    Second order: 0.022 above at e = 0.5, and less the more elastic; elastic grains lose what one Newton iteration leaves.
+    Second order: 0.022 above at e = 0.5, less the more elastic; elastic grains lose what one Newton iteration leaves.
     """
     found = []
     for speed in (0.01, 0.3, 5.0):

@@ -32,10 +32,10 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     """The kernel that makes up to `steps` steps, of which the scene has made `first`.
 
     Each substep: half a drift; rows from the near pairs, the candidates of large bodies and the walls; their first
-    impulses; sweeps; half a drift with the new velocities. `substeps` is the number of substeps of a step, 0 where `limit`, the
-    largest h omega, decides. With `driven` = 1 the load of the bodies acts on them all the time. A launch may come back
-    within a step, with `state[5]` substeps to go, and goes on there; where the lists were built anew, what is left of
-    the step is divided anew.
+    impulses; sweeps; half a drift with the new velocities. `substeps` is the number of substeps of a step, 0 where
+    `limit`, the largest h omega, decides. With `driven` = 1 the load of the bodies acts on them all the time. A launch
+    may come back within a step, with `state[5]` substeps to go, and goes on there; where the lists were built anew,
+    what is left of the step is divided anew.
 
     `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last substep, 5 substeps left, 6 direction of
     the next sweep, 7 substeps made in this step, 8 fewest and 9 most substeps of a step,
