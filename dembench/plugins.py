@@ -21,8 +21,15 @@ def names(built_in: Mapping[str, str], group: str) -> list[str]:
     return [*built_in, *sorted(set(announced(group)) - set(built_in))]
 
 
-def load(name: str, built_in: Mapping[str, str], group: str) -> Any:
-    """What a name stands for, called without arguments; KeyError where no name of the group is like it."""
+def find(kind: str, name: str, built_in: Mapping[str, str], group: str, unknown: type[ValueError]) -> Any:
+    """What a name stands for, called without arguments.
+
+    Raises:
+        ValueError: Of type `unknown`, where no `kind` has that name; the nearest known one is named.
+    """
+    known = names(built_in, group)
+    if name not in known:
+        raise unknown(f"no {kind} is called '{name}'.{nearest(name, known)} Known are {', '.join(known)}.")
     target = built_in.get(name) or announced(group)[name]
     module, _, attribute = target.partition(":")
     return getattr(import_module(module), attribute)()

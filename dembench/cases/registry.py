@@ -30,10 +30,7 @@ def case(name: str) -> Case:
     Raises:
         CaseError: No case has that name; the nearest known one is named.
     """
-    if name not in names():
-        hint = plugins.nearest(name, names())
-        raise CaseError(f"no case is called '{name}'.{hint} Known are {', '.join(names())}.")
-    found: Case = plugins.load(name, BUILT_IN, GROUP)
+    found: Case = plugins.find("case", name, BUILT_IN, GROUP, CaseError)
     return found
 
 

@@ -31,8 +31,5 @@ def engine(name: str) -> Engine:
     Raises:
         UnknownEngine: No engine has that name; the nearest known one is named.
     """
-    if name not in names():
-        hint = plugins.nearest(name, names())
-        raise UnknownEngine(f"no engine is called '{name}'.{hint} Known are {', '.join(names())}.")
-    found: Engine = plugins.load(name, BUILT_IN, GROUP)
+    found: Engine = plugins.find("engine", name, BUILT_IN, GROUP, UnknownEngine)
     return found

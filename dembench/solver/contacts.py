@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.laws import LawOptions, contact_force, rolling_torque
+from dembench.solver.laws import LawOptions, contact_force, rolling_torque, surface_functions
 from dembench.solver.pairs import ONE, pair_lookup
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
@@ -56,19 +56,12 @@ def force_functions(o: StepOptions) -> Any:
     separation = image_functions(o.law.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of, turning_of = of_feature.distance, of_feature.velocity, of_feature.spin
-    friction, rolling, rescaled = o.law.friction, o.law.rolling, o.law.rescaled
+    friction, rolling, lever = o.law.friction, o.law.rolling, surface_functions(o.law).arm
 
     @wp.func
     def spin(b: Bodies, i: int):
         w = b.spin[i]
         return vec3(w[0], w[1], w[2])
-
-    @wp.func
-    def lever(k: vec8d, overlap: real):
-        arm = real(k[6])
-        if wp.static(not rescaled):
-            arm = arm - real(0.5) * overlap
-        return arm
 
     @wp.func
     def load_of(f: vec3, torque: vec3):
@@ -105,7 +98,7 @@ def force_functions(o: StepOptions) -> Any:
             if r > real(0.0):
                 n = e * (real(1.0) / r)
             s, ti, tj = vec3(), vec3(), vec3()
-            ai, aj = lever(ki, overlap), lever(kj, overlap)
+            ai, aj = lever(ki[6], overlap), lever(kj[6], overlap)
             if wp.static(friction):
                 s = ai * wi + aj * wj
             f, ft, after = force(n, overlap, vec3(real(d[3]), real(d[4]), real(d[5])), s, memory, c, dt)
@@ -148,7 +141,7 @@ def force_functions(o: StepOptions) -> Any:
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
             dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(walls, feature, first, x)
             s, torque = vec3(), vec3()
-            arm = lever(k, overlap)
+            arm = lever(k[6], overlap)
             if wp.static(friction):
                 s = arm * spin(b, i)
             c = of_wall(b, i, walls.features[feature].kind, table, columns)

@@ -24,6 +24,7 @@ body j.
 import math
 from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -131,6 +132,41 @@ def pair_constants(scene: Scene, a: str, b: str, radius: float, mass: float, uni
 
 
 @cache
+def surface_functions(options: LawOptions) -> Any:
+    """Where the tangential force acts and what its spring is, as Warp functions `arm` and `spring`.
+
+    arm(radius, overlap): lever of the tangential force. spring(memory, n, slip, time): the tangential spring of a
+    contact in the tangent plane of today, after it has grown by a slip for a time.
+    """
+    t = types(options.precision)
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    rescaled = options.rescaled
+
+    @wp.func
+    def arm(radius: wp.float64, overlap: real):
+        lever = real(radius)
+        if wp.static(not rescaled):
+            lever = lever - real(0.5) * overlap
+        return lever
+
+    @wp.func
+    def spring(memory: vec4, n: vec3, slip: vec3, time: real):
+        xi = vec3(memory[0], memory[1], memory[2])
+        if wp.static(rescaled):
+            turned = xi - wp.dot(xi, n) * n
+            length = wp.length(turned)
+            if length > real(0.0):
+                turned = turned * (wp.length(xi) / length)
+            xi = turned + slip * time
+        else:
+            xi = xi + slip * time
+            xi = xi - wp.dot(xi, n) * n
+        return xi
+
+    return SimpleNamespace(arm=arm, spring=spring)
+
+
+@cache
 def contact_force(options: LawOptions) -> Any:
     """The force of a touching pair as a Warp function.
 
@@ -140,7 +176,7 @@ def contact_force(options: LawOptions) -> Any:
     """
     t = types(options.precision)
     real, vec3, vec4, PairClass = t.real, t.vec3, t.vec4, t.PairClass
-    friction, rescaled, midpoint = options.friction, options.rescaled, options.midpoint
+    friction, midpoint, spring = options.friction, options.midpoint, surface_functions(options).spring
     linear, no_tension = options.linear, options.no_tension
 
     @wp.func
@@ -161,16 +197,7 @@ def contact_force(options: LawOptions) -> Any:
         after = vec4(real(0.0), real(0.0), real(0.0), real(1.0))
         if wp.static(friction):
             vt = v - vn * n + wp.cross(n, s)
-            xi = vec3(memory[0], memory[1], memory[2])
-            if wp.static(rescaled):
-                turned = xi - wp.dot(xi, n) * n
-                length = wp.length(turned)
-                if length > real(0.0):
-                    turned = turned * (wp.length(xi) / length)
-                xi = turned + vt * dt
-            else:
-                xi = xi + vt * dt
-                xi = xi - wp.dot(xi, n) * n
+            xi = spring(memory, n, vt, dt)
             spring2 = kt * kt * wp.dot(xi, xi)
             bound = c.mu * wp.abs(fn)
             if spring2 > bound * bound:

@@ -27,8 +27,5 @@ def suite(name: str) -> Suite:
     Raises:
         UnknownSuite: No suite has that name; the nearest known one is named.
     """
-    if name not in names():
-        hint = plugins.nearest(name, names())
-        raise UnknownSuite(f"no suite is called '{name}'.{hint} Known are {', '.join(names())}.")
-    found: Suite = plugins.load(name, BUILT_IN, GROUP)
+    found: Suite = plugins.find("suite", name, BUILT_IN, GROUP, UnknownSuite)
     return found

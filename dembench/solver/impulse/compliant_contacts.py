@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types, surface_functions
+from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types
 from dembench.solver.inspection import Touching
+from dembench.solver.laws import surface_functions
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
@@ -26,7 +27,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows = compliant_types(o.law.precision)
     separation = image_functions(o.law.precision, o.periodic).separation
-    surface = surface_functions(o)
+    surface = surface_functions(o.law)
     arm_of, spring_of = surface.arm, surface.spring
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
     of_feature = wall_functions(o.walls)

@@ -19,9 +19,9 @@ from dembench.solver.impulse.compliant_rows import (
     CompliantOptions,
     compliant_access,
     compliant_types,
-    impulse_function,
-    surface_functions,
 )
+from dembench.solver.impulse.exchange import impulse_function
+from dembench.solver.laws import surface_functions
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
@@ -55,7 +55,7 @@ def opening_functions(o: CompliantOptions) -> Any:
     of_pair, of_wall = pair_lookup(precision, o.pairs)
     of_feature = wall_functions(o.walls)
     separation = image_functions(precision, o.periodic).separation
-    surface = surface_functions(o)
+    surface = surface_functions(o.law)
     arm_of, spring_of = surface.arm, surface.spring
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     friction, linear, shared = o.law.friction, o.law.linear, o.shared

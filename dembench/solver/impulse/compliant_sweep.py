@@ -24,8 +24,8 @@ from dembench.solver.impulse.compliant_rows import (
     CompliantOptions,
     compliant_access,
     compliant_types,
-    impulse_function,
 )
+from dembench.solver.impulse.exchange import impulse_function
 from dembench.solver.types import types
 
 NEWTON = wp.constant(1)

@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.impulse.exchange import impulse_function
 from dembench.solver.impulse.rows import ImpulseOptions, row_access, row_types
 from dembench.solver.types import types
 
@@ -26,6 +27,7 @@ def row_arithmetic(o: ImpulseOptions) -> Any:
     real, vec3, vec8 = t.real, t.vec3, t.vec8
     Rows = row_types(o.precision)
     set_state = row_access(o.precision).set_state
+    change = impulse_function(o.precision)
     friction = o.friction
 
     @wp.func
@@ -35,20 +37,6 @@ def row_arithmetic(o: ImpulseOptions) -> Any:
             s = vec3(ri * ui[4] + rj * uj[4], ri * ui[5] + rj * uj[5], ri * ui[6] + rj * uj[6])
             v = v + wp.cross(n, s)
         return v
-
-    @wp.func
-    def change(u: vec8, p: vec3, turn: vec3, arm: real):
-        m, i = u[3], arm * u[7]
-        return vec8(
-            u[0] + m * p[0],
-            u[1] + m * p[1],
-            u[2] + m * p[2],
-            u[3],
-            u[4] - i * turn[0],
-            u[5] - i * turn[1],
-            u[6] - i * turn[2],
-            u[7],
-        )
 
     @wp.func
     def apply(rows: Rows, i: int, j: int, ui: vec8, uj: vec8, n: vec3, ri: real, rj: real, normal: real, across: vec3):
