@@ -2,8 +2,8 @@
 
 They kick the bodies between steps. Steps of the soft-sphere solver get half of the kick before and half after them,
 which is velocity Verlet with the force from outside; steps with rigid rows get all of it before, as with gravity, so
-that contacts answer it. Steps with compliant rows get the force itself, which acts in every substep: a kick of the
-whole step would overcome friction that the force does not. A run without them does nothing here.
+that contacts answer it. Steps with compliant rows get the force itself, that of their middle, which acts in every
+substep: a kick of the whole step would overcome friction that the force does not. A run without them does nothing here.
 """
 
 from __future__ import annotations
@@ -83,13 +83,16 @@ class Drive:
         self._look()
         return len(self.body) - 1
 
-    def spring_forces(self, state: Any, time: float) -> np.ndarray:
-        """Force of every spring on its body [N], shape (k, 3), 0 where the body is gone: k (a - x) + c (v_a - v)."""
+    def spring_forces(self, state: Any, time: float, ahead: float = 0.0) -> np.ndarray:
+        """Force of every spring on its body [N], shape (k, 3), 0 where the body is gone: k (a - x) + c (v_a - v).
+
+        The stretch is that which present velocities make of it within `ahead` [s].
+        """
         slots = self._slots_of(state, self.body)
         kin, u = state.bodies.kin.numpy()[np.maximum(slots, 0)], state.units
         stretch = self.anchor + time * self.velocity - kin[:, :3] * u.length
         rate = self.velocity - kin[:, 3:6] * u.velocity
-        force = self.stiffness[:, None] * stretch + self.damping[:, None] * rate
+        force = self.stiffness[:, None] * (stretch + ahead * rate) + self.damping[:, None] * rate
         return np.where(slots[:, None] >= 0, force, 0.0)
 
     def before(self, state: Any, time: float, dt: float) -> None:
@@ -113,12 +116,12 @@ class Drive:
         inverse = state.bodies.inv_m.numpy()[slots].astype(np.float64) / state.units.mass
         return float((np.linalg.norm(force, axis=1) * inverse).max(initial=0.0))
 
-    def _loads(self, state: Any, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _loads(self, state: Any, time: float, ahead: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ids of the driven bodies that are there, the force [N] and the torque [N m] on each."""
         ids = self.driven[self._slots_of(state, self.driven) >= 0]
         force = self.force[ids]
         held = self._slots_of(state, self.body) >= 0
-        np.add.at(force, np.searchsorted(ids, self.body[held]), self.spring_forces(state, time)[held])
+        np.add.at(force, np.searchsorted(ids, self.body[held]), self.spring_forces(state, time, ahead)[held])
         return ids, force, self.torque[ids]
 
     def _kick(self, state: Any, time: float, dt: float) -> None:
@@ -135,8 +138,8 @@ class Drive:
         spin[slots, :3] = rate + swing
 
     def _lay(self, state: Any, time: float, dt: float) -> None:
-        """Writes the loads, and counts half of their work by the velocities before the step."""
-        self._laid = ids, force, torque = self._loads(state, time)
+        """Writes the loads of the middle of the step, and counts half of their work by the velocities before it."""
+        self._laid = ids, force, torque = self._loads(state, time, 0.5 * dt)
         load, slots = state.bodies.load.numpy(), self._slots_of(state, ids)
         load[:] = 0
         load[slots, :3], load[slots, 4:7] = force / state.units.force, torque / state.units.energy

@@ -9,22 +9,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from dembench.scene import Rigid, Scene, WallForce, features, scene_from_arrays
+from dembench.scene import Scene, scene_from_arrays
 from dembench.solver import soft
 from dembench.solver.drive import Drive
 from dembench.solver.energy import Balance
-from dembench.solver.full import FullSpheres, check_device
-from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError, check_step
-from dembench.solver.impulse import compliant_stepper as compliant
-from dembench.solver.impulse import stepper as rigid
-from dembench.solver.laws import LawOptions
+from dembench.solver.impulse.compliant_stepper import CompliantImpulses
+from dembench.solver.impulse.stepper import Impulses
+from dembench.solver.methods import carriers, method_of
 from dembench.solver.operations import Operations
 from dembench.solver.population import drain
 from dembench.solver.saving import read_state, restore, write_state
-from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes, refuse_for_shapes
 from dembench.solver.softening import softening_of
-from dembench.solver.state import State
 from dembench.solver.timestep import choose_step
 from dembench.solver.units import scene_units
 
@@ -93,65 +89,24 @@ class Simulation(Operations):
         wall_loads: bool | None = None,
     ):
         settings = {name: value for name, value in locals().items() if name not in ("self", "scene")}
-        method = method or ("impulse" if isinstance(scene.law, Rigid) else "soft-sphere")
-        rows = rows or ("rigid" if isinstance(scene.law, Rigid) or features(scene).shapes else "compliant")
-        _known("method", method, ("soft-sphere", "impulse"))
-        _known("rows", rows, ("compliant", "rigid"))
-        if method == "impulse":
-            faults = (rigid if rows == "rigid" else compliant).unsupported(scene)
-        else:
-            faults = soft.unsupported(scene)
-        if faults:
-            raise SolverError(f"the {method} solver cannot do: " + "; ".join(faults))
-        if method != "soft-sphere" and (softening or dt == "auto"):
-            raise SolverError(f"softening and dt 'auto' are for the soft-sphere solver, not for {method}")
+        chosen = method_of(scene, settings)
+        if chosen.impulses and (softening or dt == "auto"):
+            raise SolverError(f"softening and dt 'auto' are for the soft-sphere solver, not for {chosen.name}")
         softer = softening_of(scene) if softening else None
         self.scene, solved = scene, softer.apply(scene) if softer else scene
         if dt is not None and dt != "auto" and not 0 < dt < math.inf:
             raise SolverError(f"dt = {dt}: accepted is a finite number above 0 [s]")
-        for name, sweeps, least in (("velocity", velocity_sweeps, 1), ("position", position_sweeps, 0)):
-            if sweeps is not None and sweeps < least:
-                raise SolverError(f"{name}_sweeps = {sweeps}: accepted is {least} or more")
         self.dt = choose_step(solved, midpoint).step if dt == "auto" else dt or scene.closed_step()
         self.settings = {**settings, "dt": self.dt}
         self.steps = 0
         # by id, of all bodies that are or were there
         self._species, self._radii, self._masses = scene.bodies.species, scene.radii(), scene.masses()
-        steady = method == "impulse" and rows == "compliant"
-        self.drive = Drive(len(scene.bodies), halves=method == "soft-sphere", steady=steady)
+        self.drive = Drive(len(scene.bodies), halves=not chosen.impulses, steady=chosen.compliant)
         self._balance = Balance()
         self.units = scene_units(scene)
-        self.warnings = [] if method == "impulse" else check_step(solved, self.dt, allow_unstable)
+        self.warnings = [] if chosen.impulses else check_step(solved, self.dt, allow_unstable)
         self.warnings += [softer.text()] if softer else []
-        lists = lists or ("half" if device == "cpu" else "full")
-        check_device(device, lists, method)
-        if lists == "full" and scene.sinks:
-            raise SolverError("full lists cannot do: sinks")
-        if wall_loads is None:
-            wall_loads = any(isinstance(seen, WallForce) for seen in scene.observables)
-        if features(scene).shapes:
-            if wall_loads:
-                raise SolverError("wall_loads: loads of walls are not summed for bodies that are no spheres")
-            refuse_for_shapes(lists, threads)
-            self.state = State(scene, self.units, "float64", 1)
-            if method == "impulse":
-                self._stepper = ImpulseShapes(scene, self.state, self.dt, velocity_sweeps or 8, position_sweeps)
-            else:
-                self._stepper = SoftShapes(solved, self.state, self.dt, LawOptions.of(scene, "float64", midpoint))
-        elif lists == "full":
-            self.state = state = FullState(scene, self.units, precision, device, wall_loads)
-            self._stepper = FullSpheres(solved, state, self.dt, precision, midpoint)
-        elif method == "impulse":
-            self.state = State(scene, self.units, precision, 1, wall_loads)
-            if rows == "rigid":
-                options = (velocity_sweeps or 8, position_sweeps, stabilization)
-                self._stepper = rigid.Impulses(scene, self.state, self.dt, precision, *options)
-            else:
-                sweeps = velocity_sweeps or 1
-                self._stepper = compliant.CompliantImpulses(scene, self.state, self.dt, precision, substeps, sweeps)
-        else:
-            self.state = State(scene, self.units, precision, threads, wall_loads)
-            self._stepper = soft.SoftSpheres(solved, self.state, self.dt, precision, midpoint)
+        self.state, self._stepper = carriers(scene, solved, self.units, self.dt, chosen)
         begin = time.perf_counter()
         soft.load(device, *self._stepper.kernels, *vars(self.state.kernels).values())
         self.compile_seconds = time.perf_counter() - begin
@@ -226,11 +181,11 @@ class Simulation(Operations):
 
     def _advance(self, n: int) -> int:
         """Up to n steps, one where forces from outside act; returns how many."""
-        if isinstance(self._stepper, compliant.CompliantImpulses):
+        if isinstance(self._stepper, CompliantImpulses):
             self._stepper.driven = self.drive.active
         if not self.drive.active:
             return self._stepper.advance(n, self.steps)
-        if isinstance(self._stepper, rigid.Impulses):
+        if isinstance(self._stepper, Impulses):
             gain = self.drive.acceleration(self.state, self.time) * self.dt
             self._stepper.expect(gain / self.units.velocity)
         self.drive.before(self.state, self.time, self.dt)
@@ -238,9 +193,3 @@ class Simulation(Operations):
             pass
         self.drive.after(self.state, self.time + self.dt, self.dt)
         return 1
-
-
-def _known(field: str, value: str, accepted: tuple[str, ...]) -> None:
-    """SolverError where a value is none of the accepted ones."""
-    if value not in accepted:
-        raise SolverError(f"{field} '{value}' is not known; accepted are {', '.join(accepted)}")
