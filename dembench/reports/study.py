@@ -163,7 +163,7 @@ def _table(group: Group, variants: Sequence[Variant], names: Sequence[str]) -> T
     for name in names:
         means = [v.mean(name) for v in variants]
         factor, unit = shown_in(known[name].unit, [m for m in means if m is not None])
-        columns.append(Column(known[name].title, unit, "number"))
+        columns.append(Column(known[name].title, unit, "number wide"))
         column = numbers([None if m is None else factor * m for m in means], digits=4, most=4)
         cells.append([_with_spread(cell, v, name, factor) for cell, v in zip(column, variants, strict=True)])
     columns.append(Column("Loop time", "s", "number"))
