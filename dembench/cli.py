@@ -184,7 +184,7 @@ def write(
 @app.command()
 def timestep(
     what: Annotated[str, typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")],
-    engine: Annotated[str, typer.Option(help="a,b[dt=1e-6,...]: engines to forecast")] = "peclet-hertz",
+    engine: Annotated[str, typer.Option(help="a,b[dt=1e-6,...]: engines to forecast")] = registry.EXPLICIT,
     preset: PresetName = None,
     initial: Initial = None,
     seeds: Seeds = "0",

@@ -13,6 +13,8 @@ BUILT_IN = {
     "liggghts": "dembench.engines.liggghts:Liggghts",
 }
 GROUP = "dembench.engines"
+EXPLICIT = "peclet-hertz"
+"""The engine whose steps are forecast unless another is named: that of the automatic time step."""
 
 
 class UnknownEngine(ValueError):

@@ -13,6 +13,7 @@ import warp as wp
 from dembench.solver.contacts import StepOptions, force_functions
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import ONE, TABLE, pair_lookup
+from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
@@ -22,9 +23,6 @@ from dembench.solver.walls.records import Walls
 
 PREFETCH = wp.constant(12)
 """How many pairs ahead the second body of a pair is asked for."""
-
-DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
-"""Why a launch came back."""
 
 
 @cache

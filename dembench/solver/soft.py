@@ -9,11 +9,12 @@ import warp as wp
 from dembench.scene import Rigid, Scene, WallForce, features
 from dembench.solver.contacts import StepOptions
 from dembench.solver.guard import SolverError
-from dembench.solver.hertz import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, advance_kernel
+from dembench.solver.hertz import advance_kernel
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables, lookup_mode
 from dembench.solver.periodic import unsupported_boxes
+from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.soft_contacts import touching
 from dembench.solver.state import State
 

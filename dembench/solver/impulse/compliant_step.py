@@ -15,14 +15,13 @@ from dembench.solver.impulse.compliant_substeps import stiffness_functions
 from dembench.solver.impulse.compliant_sweep import sweep_function
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import pair_lookup
+from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, ROW_OVERFLOW
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.loads import load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
-DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW, ROW_OVERFLOW = 0, 1, 2, 3, 4
-"""Why a launch came back."""
 FLAGS, TRAVEL = 12, 10
 """Lengths of `state` and `travel`."""
 

@@ -9,17 +9,14 @@ from dembench.solver.guard import SolverError
 from dembench.solver.impulse.compliant_contacts import touching
 from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types
 from dembench.solver.impulse.compliant_step import (
-    BIG_OVERFLOW,
     FLAGS,
-    NOT_FINITE,
-    REBUILD,
-    ROW_OVERFLOW,
     TRAVEL,
     compliant_kernel,
 )
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.returns import BIG_OVERFLOW, NOT_FINITE, REBUILD, ROW_OVERFLOW
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
 

@@ -11,14 +11,12 @@ from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_functi
 from dembench.solver.impulse.stabilization import search_types, stabilization_functions
 from dembench.solver.impulse.sweeps import sweep_functions
 from dembench.solver.neighbours import near_functions
+from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.loads import load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
-
-DONE, REBUILD, NOT_FINITE, BIG_OVERFLOW = 0, 1, 2, 3
-"""Why a launch came back."""
 
 
 @cache

@@ -13,9 +13,10 @@ from dembench.solver.guard import SolverError
 from dembench.solver.impulse.diagnosis import RowTable
 from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_types
 from dembench.solver.impulse.stabilization import search_types
-from dembench.solver.impulse.step import BIG_OVERFLOW, NOT_FINITE, REBUILD, impulse_kernel
+from dembench.solver.impulse.step import impulse_kernel
 from dembench.solver.inspection import Touching
 from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.returns import BIG_OVERFLOW, NOT_FINITE, REBUILD
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.shapes.records import Shapes
+from dembench.solver.shapes.records import Contact, Shapes
 from dembench.solver.types import types
 from dembench.solver.walls.distance import grid_distance, wall_functions
 from dembench.solver.walls.records import WallOptions, Walls
@@ -22,6 +22,16 @@ def centre_of(b: Bodies, i: int):
     """Centre of mass of a body."""
     k = b.kin[i]
     return wp.vec3d(k[0], k[1], k[2])
+
+
+@wp.func
+def ends_pair(contacts: wp.array(dtype=Contact), k: int, end: int):
+    """Whether contact k is the last of its pair, or of its body and wall feature, among those before `end`."""
+    last = k == end - 1
+    if not last:
+        c, after = contacts[k], contacts[k + 1]
+        last = after.slot != c.slot or (after.b < 0) != (c.b < 0)
+    return last
 
 
 @wp.func

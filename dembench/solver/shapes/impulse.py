@@ -5,12 +5,12 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.returns import CONTACT_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.shapes.geometry import centre_of, touch_function
 from dembench.solver.shapes.narrow import narrow_functions
 from dembench.solver.shapes.records import Contact, Shapes
 from dembench.solver.shapes.rotation import inverse_inertia, turn_freely, turned_by
 from dembench.solver.shapes.rows import Row, response_of, row_functions
-from dembench.solver.shapes.soft import DONE, NOT_FINITE, OVERFLOW, REBUILD
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import WallOptions, Walls
@@ -161,7 +161,7 @@ def impulse_kernel(friction: bool, options: WallOptions) -> Any:
                 )
                 flags[6] = found
                 if found > capacity:
-                    reason = int(OVERFLOW)
+                    reason = int(CONTACT_OVERFLOW)
                     going = 0
                 else:
                     mid = 0

@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.shapes.geometry import A_IN_B, B_IN_A, SPHERES, WALL, centre_of, touch_function
+from dembench.solver.shapes.geometry import A_IN_B, B_IN_A, SPHERES, WALL, centre_of, ends_pair, touch_function
 from dembench.solver.shapes.records import Contact, Shapes
 from dembench.solver.shapes.rotation import spin_of
 from dembench.solver.types import types
@@ -236,11 +236,7 @@ def narrow_functions(options: WallOptions) -> Any:
         begin = int(0)
         for q in range(count):
             c = contacts[first + q]
-            is_last = q == count - 1
-            if not is_last:
-                after = contacts[first + q + 1]
-                is_last = after.slot != c.slot or (after.b < 0) != (c.b < 0)
-            if is_last:
+            if ends_pair(contacts, first + q, first + count):
                 place = wp.vec4d(wp.float64(begin + 1), wp.float64(q + 1 - begin), wp.float64(0.0), one)
                 if c.b >= 0:
                     lists.memory[c.slot] = place

@@ -17,6 +17,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.shapes.geometry import ends_pair
 from dembench.solver.shapes.narrow import narrow_functions
 from dembench.solver.shapes.records import Contact
 from dembench.solver.types import types, vec8d
@@ -222,12 +223,7 @@ def row_functions(friction: bool, options: WallOptions) -> Any:
         """Tells every row where its block begins and ends."""
         begin = int(0)
         for r in range(count):
-            c = contacts[first + r]
-            is_last = r == count - 1
-            if not is_last:
-                after = contacts[first + r + 1]
-                is_last = after.slot != c.slot or (after.b < 0) != (c.b < 0)
-            if is_last:
+            if ends_pair(contacts, first + r, first + count):
                 for k in range(begin, r + 1):
                     rows[k].begin = begin
                     rows[k].end = r + 1

@@ -14,6 +14,7 @@ import warp as wp
 
 from dembench.solver.laws import LawOptions, contact_energy, contact_force
 from dembench.solver.pairs import scaling
+from dembench.solver.returns import CONTACT_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.shapes.geometry import B_IN_A
 from dembench.solver.shapes.narrow import narrow_functions
 from dembench.solver.shapes.records import Contact, Shapes
@@ -21,9 +22,6 @@ from dembench.solver.shapes.rotation import inverse_inertia, turn_freely
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import WallOptions, Walls
-
-DONE, REBUILD, NOT_FINITE, OVERFLOW = 0, 1, 2, 3
-"""Why a launch came back."""
 
 
 @cache
@@ -204,7 +202,7 @@ def soft_kernel(law: LawOptions, options: WallOptions) -> Any:
                 )
                 flags[6] = found
                 if found > capacity:
-                    reason = int(OVERFLOW)
+                    reason = int(CONTACT_OVERFLOW)
                     going = 0
                 else:
                     side = 1 - side

@@ -14,10 +14,11 @@ from dembench.solver.impulse.stepper import EVENT, MARGIN, SLOP, STILL
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables
+from dembench.solver.returns import CONTACT_OVERFLOW, NOT_FINITE, REBUILD
 from dembench.solver.shapes.impulse import impulse_kernel
 from dembench.solver.shapes.records import Contact, ShapeSet
 from dembench.solver.shapes.rows import Row
-from dembench.solver.shapes.soft import NOT_FINITE, OVERFLOW, REBUILD, soft_kernel
+from dembench.solver.shapes.soft import soft_kernel
 from dembench.solver.state import State
 
 SKIN = 0.2
@@ -61,7 +62,7 @@ class _Stepper:
             raise SolverError("a velocity is not finite; the time step may be too large", reason="nan")
         if reason == REBUILD:
             self.relist(first + done + self._ahead)
-        elif reason == OVERFLOW:
+        elif reason == CONTACT_OVERFLOW:
             self._grow()
         return done
 
@@ -143,7 +144,7 @@ class SoftShapes(_Stepper):
         # the forces of a step are those at its end
         self._bodies = self.state.identity.numpy()[: self.state.total].copy()
         self._launch(0, first - 1, 0.0)
-        while flags[3] == OVERFLOW:
+        while flags[3] == CONTACT_OVERFLOW:
             self._grow()
             self._launch(0, first - 1, 0.0)
 
