@@ -1,0 +1,45 @@
+"""The command line: verbs that parse, call and print."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from dembench import __version__, console
+from dembench.cli import inspection, results, run, verify
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="One description of a granular scene, run on many discrete-element engines, scored and reported.",
+)
+for verb in (
+    run.run,
+    run.plan,
+    run.write,
+    run.timestep,
+    run.recipe,
+    verify.verify,
+    results.report,
+    results.validate,
+    results.export,
+    inspection.engines,
+    inspection.cases,
+    inspection.doctor,
+    inspection.schema,
+):
+    app.command()(verb)
+
+
+@app.callback(invoke_without_command=True)
+def _version(version: Annotated[bool, typer.Option("--version", help="print the version")] = False) -> None:
+    if version:
+        console.line(__version__)
+        raise typer.Exit
+
+
+def main() -> None:
+    """Entry point of the command `dembench`."""
+    app()

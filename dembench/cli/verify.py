@@ -1,0 +1,69 @@
+"""The verb that runs scenes whose answers are known."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dembench import campaign, console
+from dembench.cli.options import Engines, Fresh, Json, Timeout, print_json, usage_errors
+from dembench.runs.environment import available_cores
+from dembench.runs.plan import PlannedRun, split_list
+from dembench.verification import campaign as verification
+from dembench.verification import suites as suite_registry
+from dembench.verification.checks import Row, Suite
+
+
+def verify(
+    suite: Annotated[str, typer.Option(help="suites, as a,b; default: all")] = "",
+    engines: Engines = None,
+    timeout: Timeout = "10m",
+    jobs: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one per core")] = None,
+    out: Annotated[Path, typer.Option(help="directory of the runs and the pages")] = Path("runs/verify"),
+    fresh: Fresh = False,
+    json_: Json = False,
+) -> None:
+    """Runs scenes whose answers are known and compares: one row per check and engine, one page per suite.
+
+    A row is ok, inaccurate, or in the state of a run that gave no value. Exit code 0: every check that the engines can
+    do is ok; 1: one is not, or there is none; 2: a usage error.
+    """
+    with usage_errors():
+        suites = [suite_registry.suite(name) for name in split_list(suite) or suite_registry.names()]
+        chosen = campaign.chosen_engines(engines)
+        limit = campaign.seconds(timeout)
+        plans = [verification.planned(one, chosen, out, timeout=limit) for one in suites]
+    with console.Display(quiet=json_) as display:
+        campaign.carry_out(
+            [run for runs in plans for run in runs],
+            at_once=jobs or len(available_cores()),
+            fresh=fresh,
+            judge=verification.judge(suites),
+            show=display.update,
+        )
+    found = {one.name: verification.rows(one, runs) for one, runs in zip(suites, plans, strict=True)}
+    pages = [_write_suite_page(one, runs, found[one.name], out) for one, runs in zip(suites, plans, strict=True)]
+    if json_:
+        listed = [{"suite": name, **row.plain()} for name, rows in found.items() for row in rows]
+        print_json({"rows": listed, "reports": pages})
+    else:
+        for one, page in zip(suites, pages, strict=True):
+            console.line(one.title)
+            console.check_rows(found[one.name])
+            if page is not None:
+                console.line(str(page))
+    ok = all(verification.all_right(rows) for rows in found.values()) and None not in pages
+    raise typer.Exit(0 if ok else 1)
+
+
+def _write_suite_page(suite: Suite, runs: list[PlannedRun], rows: list[Row], out: Path) -> Path | None:
+    """Writes the page of a suite; what the runs produced is safe whatever happens here."""
+    from dembench.reports.suite import render
+
+    try:
+        return render(suite, [r for run in runs if (r := verification.record(run))], rows, out / f"{suite.name}.html")
+    except Exception as error:
+        console.error(f"the page could not be written: {type(error).__name__}: {error}")
+        return None
