@@ -183,6 +183,20 @@ class Series:
     counters: dict[str, float] = field(default_factory=dict)
 
 
+class Checkpoint(Model):
+    """A complete state that an engine has written during a run.
+
+    Attributes:
+        step: Step number.
+        time: Simulated time [s].
+        note: One line where a later checkpoint was passed over, e.g. because it is damaged; else empty.
+    """
+
+    step: int
+    time: float
+    note: str = ""
+
+
 FAILURES = ("nan", "lost particles", "energy", "tunnelling", "memory", "signal", "no output", "engine error")
 
 
@@ -225,6 +239,26 @@ class Engine(ABC):
     @abstractmethod
     def read(self, scene: Scene, settings: Any, directory: Path) -> Series:
         """Reads what the engine has written so far into the directory."""
+
+    def checkpoint(self, scene: Scene, settings: Any, directory: Path) -> Checkpoint | None:
+        """The checkpoint in a deck directory from which `resume` goes on: the last one that is whole.
+
+        It only reads. None where there is none, which is what an engine without checkpoints says.
+        """
+        return None
+
+    def resume(self, scene: Scene, settings: Any, directory: Path) -> list[Phase] | None:
+        """Prepares a deck directory for going on from its checkpoint and says how to launch that.
+
+        Called only while no process of an earlier attempt is alive. Frames, tracks and logs up to the checkpoint stay;
+        those after it are removed, or written again by the phases, so that `read` never gives a time twice. `Timing`
+        and counters of a resumed run are those of the whole run as far as it counts, without the steps that an
+        interruption lost.
+
+        Returns:
+            The phases, or None where there is no checkpoint and the run begins anew.
+        """
+        return None
 
     def law(self, scene: Scene, settings: Any) -> str:
         """Contact law that the engine computes for a scene, in a few words; empty where it is the scene's own law."""
