@@ -15,7 +15,8 @@ from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Record
 from dembench.cases.share import share
 from dembench.initial.generate import LOOSE, BedPlan, PackingError, Protocol, settled_bed
 from dembench.initial.progress import Progress
-from dembench.initial.published import CoordinatesError, find_coordinates, read_coordinates
+from dembench.initial.published import find_file, read_coordinates
+from dembench.initial.rows import CoordinatesError
 from dembench.scene import (
     Bodies,
     Box,
@@ -156,18 +157,14 @@ def _given_bed(parameters: ImpactParameters, initial: Path, seed: int) -> tuple[
     """Grain centres of a given file [m], shape (n, 3), and the state's part of the scene's name."""
     numbers = published()["beds"][parameters.bed]
     try:
-        path = find_coordinates(initial, f"{parameters.bed.upper()}Particles.txt")
-        coordinates = read_coordinates(path, published()["ball"]["radius"])
+        path = find_file(initial, f"impact {parameters.bed}")
+        coordinates = read_coordinates(path, [published()["published"]["grain_radius"]], published()["ball"]["radius"])
     except CoordinatesError as error:
         raise CaseError(str(error)) from None
-    radius = published()["published"]["grain_radius"]
     if len(coordinates.position) != numbers["grains"]:
         raise CaseError(
             f"{path}: {len(coordinates.position)} grains; case3[bed={parameters.bed}] has {numbers['grains']}"
         )
-    if (coordinates.radius != radius).any():
-        worst = int(np.argmax(coordinates.radius != radius))
-        raise CaseError(f"{path}: grain {worst} has the radius {coordinates.radius[worst]:g} m; all have {radius:g} m")
     known = positions_digest(coordinates.position) == numbers.get("positions_sha256")
     position = coordinates.position
     if seed:

@@ -207,9 +207,9 @@ def test_a_bed_of_another_size_or_radius(given, tmp_path):
     found, parameters = parse_case("case3[bed=50k]")
     with pytest.raises(CaseError, match=r"25KParticles\.txt: 25000 grains; case3\[bed=50k\] has 50000"):
         found.scene(parameters, "published", given / "25KParticles.txt")
-    with pytest.raises(CaseError, match="no file there is called"):
+    with pytest.raises(CaseError, match="no file of the impact 50k there"):
         found.scene(parameters, "published", given)
-    with pytest.raises(CaseError, match=r"grain 0 has the radius 0\.0011 m; all have 0\.001 m"):
+    with pytest.raises(CaseError, match=r":2: radius 0\.0011 m; accepted are 0\.001 m"):
         found.scene(parse_case("case3")[1], "published", bed_file(tmp_path, radius=0.0011))
 
 

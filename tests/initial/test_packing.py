@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dembench.initial.published import find_coordinates, read_coordinates
+from dembench.initial.published import find_file, read_coordinates
 from dembench.initial.quality import packing
 
 PUBLISHED = Path(__file__).parents[3] / "shared" / "data" / "dosta2024"
@@ -44,7 +44,7 @@ def test_a_flat_bed_has_no_bulk():
 @pytest.mark.skipif(not PUBLISHED.is_dir(), reason="the published coordinate files are not beside the checkout")
 def test_the_published_bed():
     """Independent figures: height 0.0320 m, whole bed 0.556, bulk 0.579, coordination 4.31, overlap 0.045 %."""
-    bed = read_coordinates(find_coordinates(PUBLISHED, "25KParticles.txt"), ball_radius=0.01)
+    bed = read_coordinates(find_file(PUBLISHED, "impact 25k"), [0.001], ball=0.01)
     found = packing(bed.position, 0.001, np.array([-0.049, -0.03, -0.0902431]), np.array([0.049, 0.03, 0.107757]))
     assert found.height == pytest.approx(0.0320, abs=5e-5)
     assert found.fraction == pytest.approx(0.556, abs=5e-4)
