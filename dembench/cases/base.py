@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
+from dembench.cases.run_times import RunTime, published_run_times
 from dembench.initial.progress import Progress
 from dembench.scene import Scene
 from dembench.scene.base import Model
@@ -161,3 +162,7 @@ class Case(ABC):
     @abstractmethod
     def reference_curves(self, scene: Scene, parameters: Any, preset: Preset) -> list[Curve]:
         """Points known from publications and closed forms that hold for this scene, for figures."""
+
+    def run_times(self, parameters: Any, preset: Preset) -> list[RunTime]:
+        """Run times that others have published of this case with these parameters; none of a preset of our own."""
+        return published_run_times(self.name, parameters) if preset == "published" else []

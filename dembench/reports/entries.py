@@ -14,6 +14,7 @@ import numpy as np
 
 from dembench.cases.base import Case, CaseError, Curve
 from dembench.cases.registry import parse_case
+from dembench.cases.run_times import RunTime
 from dembench.engines.registry import UnknownEngine, engine
 from dembench.reports.svg import MUTED
 from dembench.results import Observed
@@ -90,6 +91,14 @@ class Entry:
             return []
         case, parameters = self.problem
         return case.reference_curves(self.scene, parameters, self.spec.preset)  # type: ignore[arg-type]
+
+    @property
+    def run_times(self) -> list[RunTime]:
+        """Published run times of the case; empty without one."""
+        if self.problem is None:
+            return []
+        case, parameters = self.problem
+        return case.run_times(parameters, self.spec.preset)  # type: ignore[arg-type]
 
     @cached_property
     def state(self) -> str:

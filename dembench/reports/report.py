@@ -13,6 +13,7 @@ from dembench.reports.curves import plots
 from dembench.reports.entries import Group, gather
 from dembench.reports.figures import Drawing, draw
 from dembench.reports.pages import write_page
+from dembench.reports.published import published_times
 from dembench.reports.tables import Table
 from dembench.reports.timings import timings
 from dembench.runs.directory import RunRecord
@@ -70,7 +71,7 @@ def _section(group: Group) -> SceneSection:
     case = entry.problem[0] if entry.problem else None
     short = f"{facts.problem_name(entry)}, {entry.spec.division}"
     commands = _commands(group)
-    found = (comparisons.quantities(group), comparisons.differences(group), timings(group))
+    found = (comparisons.quantities(group), comparisons.differences(group), timings(group), published_times(group))
     return SceneSection(
         name=group.name,
         title=f"{case.title} ({short} division)" if case else f"{short} division",

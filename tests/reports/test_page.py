@@ -210,3 +210,9 @@ def test_no_runs_is_a_page_too(tmp_path: Path) -> None:
 
 def test_a_page_of_this_size_stays_small(page: Path) -> None:
     assert page.stat().st_size < 3e6
+
+
+def test_published_run_times_stand_in_a_table_of_their_own(read: Page) -> None:
+    times = {c.text.strip(): c for c in read.column("scene1-published-times", "Wall time")}
+    assert "1\u202f346.0 c" in times and times["61.0"].value == "61.0"
+    assert all("MUSEN" not in cell.text for cell in read.column("scene1-timings", "Engine"))

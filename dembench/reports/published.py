@@ -1,0 +1,60 @@
+"""Run times that others published: a table of its own, since other hardware makes other times."""
+
+from __future__ import annotations
+
+from dembench.cases.run_times import RunTime
+from dembench.reports.entries import Group
+from dembench.reports.tables import Cell, Column, Table, decimals, grouped
+
+MARKS = {
+    "a": "a: approximate, as quoted.",
+    "c": "c: contended, the device was shared with other jobs, so the time is overstated.",
+    "x": "x: extrapolated from a part of the run.",
+}
+
+
+def published_times(group: Group) -> Table | None:
+    """One row per published run time of the group's case; None where there is none."""
+    found = group.first.run_times
+    if not found:
+        return None
+    sources = list(dict.fromkeys(t.source for t in found))
+    places = decimals([t.low for t in found], digits=3, most=1)
+    columns = (
+        Column("Code", kind="long"),
+        Column("Wall time", "s", "number"),
+        Column("Device", kind="long"),
+        Column("Hardware", kind="wrap"),
+        Column("Note", kind="wrap"),
+        Column("Source"),
+    )
+    rows = tuple(
+        (
+            Cell(t.code),
+            _time(t, places),
+            Cell(t.device),
+            Cell(t.hardware),
+            Cell(t.note),
+            Cell(f"[{sources.index(t.source) + 1}]"),
+        )
+        for t in sorted(found, key=lambda t: t.low)
+    )
+    used = {mark for t in found for mark in t.marks}
+    return Table(
+        f"{group.name}-published-times",
+        "Published run times on other hardware",
+        columns,
+        rows,
+        note="Wall times of whole runs of the published case, as published. They were measured on other machines, so "
+        "they say nothing about the times above.",
+        footnotes=(
+            *(text for mark, text in MARKS.items() if mark in used),
+            *(f"[{k + 1}] {source}" for k, source in enumerate(sources)),
+        ),
+    )
+
+
+def _time(time: RunTime, places: int) -> Cell:
+    if time.low == time.high:
+        return Cell(grouped(time.low, places), time.low, flags=time.marks)
+    return Cell(f"{grouped(time.low, 0)} to {grouped(time.high, 0)}", time.low, flags=time.marks)
