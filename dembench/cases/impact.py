@@ -13,7 +13,7 @@ import numpy as np
 from dembench.cases import impact_scores
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.share import share
-from dembench.initial.generate import LOOSE, BedPlan, PackingError, Protocol, settled_bed
+from dembench.initial.filling import LOOSE, Filling, Layer, PackingError, Protocol, filled
 from dembench.initial.progress import Progress
 from dembench.initial.published import find_file, read_coordinates
 from dembench.initial.rows import CoordinatesError
@@ -129,17 +129,17 @@ def _box() -> Box:
     return Box(name="box", material="steel", open_faces=("z+",), **published()["box"])
 
 
-def _plan(bed: str | None) -> BedPlan:
+def _filling(bed: str | None) -> Filling:
     """What the bed is made of, and what it should come out as; None is the quick bed."""
     materials, laws = _materials()
     numbers = published()["beds"][bed] if bed else None
-    return BedPlan(
-        count=numbers["grains"] if numbers else QUICK_GRAINS,
-        radius=published()["published"]["grain_radius"] if numbers else QUICK_GRAIN_RADIUS,
-        material=materials[0],
-        wall_material=materials[1],
+    radius = published()["published"]["grain_radius"] if numbers else QUICK_GRAIN_RADIUS
+    return Filling(
+        materials=materials,
         pair_laws=laws,
-        box=_box(),
+        species=(Species(name="grain", material=materials[0].name, radius=radius),),
+        walls=(_box(),),
+        layers=(Layer(species="grain", count=numbers["grains"] if numbers else QUICK_GRAINS),),
         height=numbers["height"] if numbers else None,
         bulk_fraction=numbers["fraction"] if numbers else None,
         protocol=LOOSE if numbers and numbers["loose"] else Protocol(),
@@ -148,7 +148,7 @@ def _plan(bed: str | None) -> BedPlan:
 
 def _generated_bed(bed: str | None, seed: int, progress: Progress | None) -> np.ndarray:
     try:
-        return settled_bed(_plan(bed), seed, progress)
+        return filled(_filling(bed), seed, progress)
     except PackingError as error:
         raise CaseError(f"case3: {error}; another seed may do, or give the published bed as initial state") from None
 

@@ -1,4 +1,4 @@
-"""Keeps generated beds: one file per bed, named by the hash of everything that it depends on."""
+"""Keeps generated packings: one file each, named by the hash of everything that it depends on."""
 
 from __future__ import annotations
 
@@ -21,6 +21,11 @@ def cache_directory() -> Path:
     return Path(given) if given else Path(pooch.os_cache("dembench"))
 
 
+def entry(kind: str, inputs: dict[str, Any]) -> Path:
+    """Where the cache keeps what is made from some inputs; see `cached`."""
+    return cache_directory() / f"{kind}-{hashlib.sha256(_text(inputs).encode()).hexdigest()[:16]}.npz"
+
+
 def cached(kind: str, inputs: dict[str, Any], make: Callable[[], np.ndarray]) -> np.ndarray:
     """An array from the cache, or made and stored there.
 
@@ -29,14 +34,17 @@ def cached(kind: str, inputs: dict[str, Any], make: Callable[[], np.ndarray]) ->
         inputs: Everything that the array depends on, as plain JSON data; its hash is the key.
         make: Makes the array where the cache does not have it, or has a file that cannot be read.
     """
-    text = json.dumps(inputs, sort_keys=True)
-    path = cache_directory() / f"{kind}-{hashlib.sha256(text.encode()).hexdigest()[:16]}.npz"
+    text, path = _text(inputs), entry(kind, inputs)
     stored = _read(path, text)
     if stored is not None:
         return stored
     made = make()
     _store(path, text, made)
     return made
+
+
+def _text(inputs: dict[str, Any]) -> str:
+    return json.dumps(inputs, sort_keys=True)
 
 
 def _read(path: Path, text: str) -> np.ndarray | None:

@@ -10,7 +10,7 @@ from dembench.cases import impact
 from dembench.cases.base import CaseError
 from dembench.cases.impact_scores import first_contact, free_fall_end
 from dembench.cases.registry import case, parse_case
-from dembench.initial.generate import BedPlan
+from dembench.initial.filling import Filling
 from dembench.scene import check_scene, features
 from dembench.scoring.score import score, verdict
 
@@ -42,7 +42,7 @@ def given(tmp_path_factory):
 @pytest.fixture
 def quick(monkeypatch):
     """The quick scene on a bed that takes no time to make."""
-    monkeypatch.setattr(impact, "settled_bed", lambda plan, seed, progress: loose_bed(plan.count, plan.radius))
+    monkeypatch.setattr(impact, "filled", lambda plan, seed, progress: loose_bed(plan.count, plan.species[0].radius))
     found, parameters = parse_case("case3")
     return found.scene(parameters, "quick")
 
@@ -174,15 +174,15 @@ def test_the_quick_set_up(quick):
 def test_the_bed_is_made_with_the_seed_and_the_published_targets(monkeypatch):
     asked = []
 
-    def bed(plan: BedPlan, seed, progress):
+    def bed(plan: Filling, seed, progress):
         asked.append((plan, seed))
-        return loose_bed(plan.count, plan.radius)
+        return loose_bed(plan.count, plan.species[0].radius)
 
-    monkeypatch.setattr(impact, "settled_bed", bed)
+    monkeypatch.setattr(impact, "filled", bed)
     found, parameters = parse_case("case3[bed=25k]")
     scene = found.scene(parameters, "published", seed=7)
     plan, seed = asked[0]
-    assert (plan.count, plan.radius, plan.height, plan.bulk_fraction, seed) == (25000, 0.001, 0.0320, 0.581, 7)
+    assert (plan.count, plan.radii().max(), plan.height, plan.bulk_fraction, seed) == (25000, 0.001, 0.0320, 0.581, 7)
     assert scene.name == "case3_25k_generated"
 
 
