@@ -157,13 +157,14 @@ def carry_out(
     Args:
         runs: Planned runs.
         at_once: Largest number of runs at a time.
-        fresh: Whether finished runs are run again.
+        fresh: Whether finished runs are run again, and interrupted ones from the start.
         checkpoint: Time between checkpoints of a result [s].
         judge: Gives a finished run its verdict.
         show: Called a few times per second with all jobs.
     """
     jobs = [Job(run, run.action(fresh)) for run in runs]
-    scheduler = Scheduler(jobs, available_cores(), at_once, judge=judge, checkpoint=checkpoint, command=command_line())
+    options = {"judge": judge, "fresh": fresh, "checkpoint": checkpoint, "command": command_line()}
+    scheduler = Scheduler(jobs, available_cores(), at_once, **options)
     with _signals() as asked_to_end:
         scheduler.start()
         try:

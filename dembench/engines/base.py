@@ -16,6 +16,8 @@ from dembench.scene import Scene
 from dembench.scene.base import Model, Positive
 
 Division = Literal["closed", "open"]
+FRAMES, CHECKPOINTS = "frames", "checkpoints"
+"""Sub-directories of a deck for raw frames and checkpoints; both are removed after a run that ended well."""
 
 
 class Probe(Model):
@@ -233,7 +235,7 @@ class Engine(ABC):
     def write(self, scene: Scene, settings: Any, directory: Path) -> list[Phase]:
         """Writes the complete, runnable input into an existing directory and says how to launch it.
 
-        Raw frames belong in the sub-directory `frames`, which is removed after a run that ended well.
+        Raw frames belong in the sub-directory `FRAMES`, checkpoints in `CHECKPOINTS`.
         """
 
     @abstractmethod

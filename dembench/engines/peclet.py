@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
-from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe, Series
-from dembench.engines.in_tree import probe_solver, read_series, write_deck
+from dembench.engines.base import Division, EngineSettings
+from dembench.engines.in_tree import InTree
 from dembench.scene import Rigid, Scene, features
 
 PARTICLE_STEPS_PER_SECOND = {"compliant": 2.5e6, "rigid": 5e5}
@@ -55,17 +54,13 @@ class PecletSettings(EngineSettings):
         return "float64" if self.arithmetic == "float64" else "float64 positions, float32 impulses"
 
 
-class Peclet(Engine):
+class Peclet(InTree):
     """Spheres by velocity-level impulses on NVIDIA Warp, with compliant or rigid contacts."""
 
     name: ClassVar[str] = "peclet"
     title: ClassVar[str] = "peclet, impulses"
     colour: ClassVar[str] = "#2a78d6"
     settings_type: ClassVar[type[EngineSettings]] = PecletSettings
-
-    def probe(self) -> Probe:
-        """See `Engine.probe`."""
-        return probe_solver()
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
@@ -92,14 +87,6 @@ class Peclet(Engine):
         """Whether a scene has rigid rows by default."""
         return isinstance(scene.law, Rigid) or features(scene).shapes
 
-    def write(self, scene: Scene, settings: PecletSettings, directory: Path) -> list[Phase]:
-        """See `Engine.write`."""
-        return write_deck(self.name, scene, settings, directory)
-
-    def read(self, scene: Scene, settings: PecletSettings, directory: Path) -> Series:
-        """See `Engine.read`."""
-        return read_series(scene, settings, directory)
-
     def law(self, scene: Scene, settings: PecletSettings) -> str:
         """See `Engine.law`; compliant rows converge to the scene's law."""
         if settings.rows == "compliant" or isinstance(scene.law, Rigid):
@@ -114,7 +101,7 @@ class Peclet(Engine):
         return 10 + steps * max(len(scene.bodies), 100) / PARTICLE_STEPS_PER_SECOND[settings.rows]
 
     def simulation(self, scene: Scene, settings: dict[str, Any]) -> Any:
-        """The simulation that the child process steps."""
+        """See `InTree.simulation`."""
         from dembench.solver import Simulation
 
         s = PecletSettings(**settings)

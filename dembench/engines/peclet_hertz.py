@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe, Series
-from dembench.engines.in_tree import probe_solver, read_series, write_deck
+from dembench.engines.base import Division, EngineSettings
+from dembench.engines.in_tree import InTree
 from dembench.scene import Scene
 
 
@@ -38,17 +37,13 @@ class PecletHertzSettings(EngineSettings):
         return "float64" if self.arithmetic == "float64" else "float64 positions, float32 forces"
 
 
-class PecletHertz(Engine):
+class PecletHertz(InTree):
     """Hertz-Mindlin soft spheres on NVIDIA Warp."""
 
     name: ClassVar[str] = "peclet-hertz"
     title: ClassVar[str] = "peclet, soft spheres (Hertz-Mindlin)"
     colour: ClassVar[str] = "#008300"
     settings_type: ClassVar[type[EngineSettings]] = PecletHertzSettings
-
-    def probe(self) -> Probe:
-        """See `Engine.probe`."""
-        return probe_solver()
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
@@ -82,14 +77,6 @@ class PecletHertz(Engine):
 
         return softening_of(scene).text()
 
-    def write(self, scene: Scene, settings: PecletHertzSettings, directory: Path) -> list[Phase]:
-        """See `Engine.write`."""
-        return write_deck(self.name, scene, settings, directory)
-
-    def read(self, scene: Scene, settings: PecletHertzSettings, directory: Path) -> Series:
-        """See `Engine.read`."""
-        return read_series(scene, settings, directory)
-
     def estimate(self, scene: Scene, settings: PecletHertzSettings) -> float:
         """See `Engine.estimate`."""
         from dembench.solver.timestep import seconds_of
@@ -97,7 +84,7 @@ class PecletHertz(Engine):
         return 10 + seconds_of(scene, settings.dt) / settings.threads
 
     def simulation(self, scene: Scene, settings: dict[str, Any]) -> Any:
-        """The simulation that the child process steps."""
+        """See `InTree.simulation`."""
         from dembench.solver import Simulation
 
         s = PecletHertzSettings(**settings)

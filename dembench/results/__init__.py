@@ -2,7 +2,7 @@
 
 from dembench.results.export import export_csv, export_vtkhdf
 from dembench.results.observe import Observer, observe
-from dembench.results.read import Result, ResultError, read
+from dembench.results.read import Result, ResultError, read, read_records
 from dembench.results.schema import Observed, SnapshotSeries, channels
 from dembench.results.validate import validate
 from dembench.results.write import write
@@ -18,6 +18,7 @@ __all__ = [
     "export_vtkhdf",
     "observe",
     "read",
+    "read_records",
     "validate",
     "write",
 ]

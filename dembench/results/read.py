@@ -80,6 +80,19 @@ def read(path: Path) -> Result:
         raise ResultError(f"{path}: no readable result: {error}") from None
 
 
+def read_records(path: Path) -> dict[str, dict[str, Any]]:
+    """The records of a result file alone, by name (`RECORDS`): no series, no scene.
+
+    Raises:
+        ResultError: The file cannot be read as a result.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            return _records(file["dembench"])
+    except (OSError, KeyError, ValueError) as error:
+        raise ResultError(f"{path}: no readable result: {error}") from None
+
+
 def read_scene(file: h5py.File) -> Scene:
     """The scene stored in an open result file; KeyError or SceneError where there is none."""
     stored = file["dembench/scene"]
@@ -93,15 +106,18 @@ def _read(file: h5py.File) -> Result:
     version = tuple(int(v) for v in group.attrs["version"])
     if version[0] != VERSION[0]:
         raise ResultError(f"result version {version[0]}.{version[1]}; this program reads {VERSION[0]}.x")
-    records = {name: json.loads(group[name].asstr()[()]) for name in RECORDS}
     return Result(
         scene=read_scene(file),
         engine=str(group.attrs["engine"]),
         division=str(group.attrs["division"]),
         observables={name: _observed(file["observables"][name]) for name in file["observables"]},
         snapshots={name: _snapshots(file["particles"][name]) for name in file["particles"]},
-        **records,
+        **_records(group),
     )
+
+
+def _records(group: h5py.Group) -> dict[str, dict[str, Any]]:
+    return {name: json.loads(group[name].asstr()[()]) for name in RECORDS}
 
 
 def _observed(group: h5py.Group) -> Observed:

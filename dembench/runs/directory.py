@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import shutil
 import socket
 import time
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,10 +20,12 @@ from pydantic import ValidationError
 
 from dembench.results import Result, ResultError, read
 from dembench.runs.spec import RunSpec
-from dembench.runs.states import Status
+from dembench.runs.states import RESUMED, Status
 
 TAIL_LINES = 40
 _TAIL_BYTES = 16_000
+ENGINE_PATIENCE = 15.0
+"""Time that the engine of a killed supervisor has for its end [s]."""
 
 
 class Occupied(RuntimeError):
@@ -31,7 +36,8 @@ class RunDirectory:
     """Paths and records of one run.
 
     It holds `spec.json`, `supervisor.json`, `environment.json`, `deck/`, `log/`, `result.h5`, and `status.json`, which
-    is written last: a directory without it is that of a run that goes on, or was cut off.
+    is written last: a directory without it is that of a run that goes on, or was cut off. `environment-<k>.json` is
+    the environment of attempt k of a run that was gone on with later.
     """
 
     def __init__(self, path: Path) -> None:
@@ -41,44 +47,65 @@ class RunDirectory:
         self.log = path / "log"
         self.result = path / "result.h5"
 
-    def claim(self, spec: RunSpec) -> None:
-        """Makes the directory anew for a run by this process.
+    def claim(self, spec: RunSpec, keep: bool = False) -> Status | None:
+        """Takes the directory for a run by this process.
 
-        What an earlier attempt left is kept as `.<name>.previous` beside it, the one before that is removed.
+        It is made anew, unless `keep` is set and holds an attempt that ended in one of the states `RESUMED`. Waits for
+        the engine of a supervisor that was killed: it may still be writing its last checkpoint.
+
+        Args:
+            spec: The run.
+            keep: Leaves such an attempt where it is, to go on with it.
+
+        Returns:
+            The status of the attempt that is kept, None where the directory is new.
 
         Raises:
             Occupied: A live supervisor works there.
         """
-        if (owner := self.supervisor()) is not None:
-            raise Occupied(f"{self.path} is in use by process {owner}")
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self._claims():
+            if (owner := self.supervisor()) is not None:
+                raise Occupied(f"{self.path} is in use by process {owner}")
+            self._wait_for_engine()
+            before = self.status() if keep else None
+            if before is None or before.state not in RESUMED:
+                self.renew(spec)
+                return None
+            (self.path / "status.json").unlink(missing_ok=True)
+            self._own(spec)
+            return before
+
+    def renew(self, spec: RunSpec) -> None:
+        """Makes the directory anew; only for the process that has claimed it.
+
+        What an earlier attempt left is kept as `.<name>.previous` beside it, the one before that is removed.
+        """
         previous = self.path.with_name(f".{self.path.name}.previous")
-        try:
-            if self.path.exists():
-                shutil.rmtree(previous, ignore_errors=True)
-                os.replace(self.path, previous)
-            self.path.mkdir(parents=True)
-        except (FileExistsError, FileNotFoundError):
-            raise Occupied(f"{self.path} was taken by another process at this moment") from None
-        own = psutil.Process()
-        self._write("supervisor.json", {"pid": own.pid, "created": own.create_time(), "host": socket.gethostname()})
-        self._write("spec.json", {**spec.model_dump(mode="json"), "hash": spec.digest()})
+        if self.path.exists():
+            shutil.rmtree(previous, ignore_errors=True)
+            os.replace(self.path, previous)
+        self.path.mkdir()
+        self._own(spec)
         self.deck.mkdir()
         self.log.mkdir()
+
+    def watch(self, engine: int) -> None:
+        """Notes the process that carries the engine, which may outlive this one by some seconds."""
+        owner = json.loads((self.path / "supervisor.json").read_text())
+        self._write("supervisor.json", {**owner, "engine": _identity(psutil.Process(engine))})
 
     def supervisor(self) -> int | None:
         """Process id of the supervisor that works here, or None where there is none or it is gone."""
         if (self.path / "status.json").exists():
             return None
-        try:
-            owner = json.loads((self.path / "supervisor.json").read_text())
-            alive = psutil.Process(owner["pid"])
-            same = abs(alive.create_time() - owner["created"]) < 1 and alive.status() != psutil.STATUS_ZOMBIE
-            return owner["pid"] if same and owner["host"] == socket.gethostname() else None
-        except (OSError, ValueError, KeyError, TypeError, psutil.Error):
-            return None
+        return _alive(self._owner())
 
     def write_environment(self, environment: dict[str, Any]) -> None:
-        """Writes `environment.json`."""
+        """Writes `environment.json`; that of an earlier attempt gets its number."""
+        file = self.path / "environment.json"
+        if file.exists():
+            os.replace(file, self.path / f"environment-{len(list(self.path.glob('environment-*.json'))) + 1}.json")
         self._write("environment.json", environment)
 
     def write_status(self, status: Status) -> None:
@@ -119,10 +146,54 @@ class RunDirectory:
             parts += [f"--- {path.name}", *lines[-TAIL_LINES:]]
         return "\n".join(parts)
 
+    @contextmanager
+    def _claims(self) -> Iterator[None]:
+        """One process at a time decides who takes a directory beside this one."""
+        with open(self.path.parent / ".claims", "w") as stream:
+            fcntl.flock(stream, fcntl.LOCK_EX)
+            yield
+
+    def _own(self, spec: RunSpec) -> None:
+        self._write("supervisor.json", _identity(psutil.Process()))
+        self._write("spec.json", {**spec.model_dump(mode="json"), "hash": spec.digest()})
+
+    def _owner(self) -> dict[str, Any]:
+        """What `supervisor.json` says; empty where it says nothing."""
+        try:
+            found = json.loads((self.path / "supervisor.json").read_text())
+            return found if isinstance(found, dict) else {}
+        except (OSError, ValueError):
+            return {}
+
+    def _wait_for_engine(self) -> None:
+        if (engine := _alive(self._owner().get("engine", {}))) is None:
+            return
+        try:
+            psutil.Process(engine).wait(ENGINE_PATIENCE)
+        except psutil.TimeoutExpired:
+            raise Occupied(f"{self.path}: process {engine} of an earlier attempt does not end") from None
+        except psutil.Error:
+            pass
+
     def _write(self, name: str, data: dict[str, Any]) -> None:
         temporary = self.path / f".{name}.tmp"
         temporary.write_text(json.dumps(data, indent=1) + "\n")
         os.replace(temporary, self.path / name)
+
+
+def _identity(process: psutil.Process) -> dict[str, Any]:
+    """What tells a process from a later one of the same number."""
+    return {"pid": process.pid, "created": process.create_time(), "host": socket.gethostname()}
+
+
+def _alive(identity: dict[str, Any]) -> int | None:
+    """Number of a process that is still alive, or None."""
+    try:
+        process = psutil.Process(identity["pid"])
+        same = abs(process.create_time() - identity["created"]) < 1 and process.status() != psutil.STATUS_ZOMBIE
+        return process.pid if same and identity["host"] == socket.gethostname() else None
+    except (KeyError, TypeError, ValueError, psutil.Error):
+        return None
 
 
 class RunRecord:

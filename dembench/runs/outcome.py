@@ -16,6 +16,8 @@ from dembench.runs.process import Ended
 
 MEMORY_SHARE = 0.8
 """A process killed from outside while the run held this share of the machine's memory ran out of it [-]."""
+ASKED_TO_END = ("SIGTERM", "SIGINT", "SIGHUP")
+"""Signals that batch systems send to all processes of a job: the run itself is not to blame."""
 _OUT_OF_MEMORY = re.compile(r"MemoryError|bad_alloc|[Cc]annot allocate memory|[Oo]ut of memory")
 
 
@@ -57,6 +59,8 @@ def failure_of(
         return Failure("failed", fault.reason, fault.detail)
     if ended is not None and _out_of_memory(ended, log_tail):
         return Failure("failed", "memory", f"{ended.usage.peak_memory / 1e9:.2f} GB were in use; {_how(ended)}")
+    if ended is not None and ended.signal in ASKED_TO_END and ended.stopped is None:
+        return Failure("interrupted", "", f"{ended.signal} ended it at t = {series.time:.6g} s")
     if ended is not None and ended.signal and ended.stopped is None:
         return Failure("failed", "signal", f"{ended.signal} ended it at t = {series.time:.6g} s")
     if series.failure is not None:

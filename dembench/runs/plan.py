@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from dembench.engines import registry
-from dembench.engines.base import Division, Engine, Probe
+from dembench.engines.base import Checkpoint, Division, Engine, Probe
 from dembench.results.schema import not_recorded
 from dembench.runs.directory import RunDirectory
 from dembench.runs.environment import available_cores
 from dembench.runs.spec import RunSpec
-from dembench.runs.states import Status
+from dembench.runs.states import RESUMED, Status
 from dembench.scene import Scene
 
 _CHOICE = re.compile(r"(?P<name>[A-Za-z][A-Za-z0-9_-]*)(?:\[(?P<settings>[^\[\]]*)\])?")
@@ -69,6 +69,7 @@ class PlannedRun:
         unsupported: Features of the scene that the engine cannot do.
         directory: Where it takes place.
         before: Status of an earlier run of the same hash, or None.
+        checkpoint: Where that run can be gone on with; None where it cannot or need not.
     """
 
     spec: RunSpec
@@ -79,14 +80,17 @@ class PlannedRun:
     unsupported: tuple[str, ...]
     directory: RunDirectory
     before: Status | None
+    checkpoint: Checkpoint | None = None
 
     def action(self, fresh: bool = False) -> str:
-        """What a campaign does with it: `reuse`, `skip`, `missing` or `run`."""
+        """What a campaign does with it: `reuse`, `skip`, `missing`, `resume` or `run`."""
         if self.unsupported:
             return "skip"
         if self.before is not None and self.before.finished and not fresh:
             return "reuse"
-        return "run" if self.probe.available else "missing"
+        if not self.probe.available:
+            return "missing"
+        return "resume" if self.checkpoint is not None and not fresh else "run"
 
 
 def split_list(text: str) -> list[str]:
@@ -212,6 +216,9 @@ def _planned(
         estimate=engine.estimate(scene, settings),
     )
     directory = RunDirectory(out / spec.name())
+    before, checkpoint = directory.status(), None
+    if before is not None and before.state in RESUMED:
+        checkpoint = engine.checkpoint(scene, settings, directory.deck)
     return PlannedRun(
         spec=spec,
         scene=scene,
@@ -220,5 +227,6 @@ def _planned(
         probe=probe,
         unsupported=tuple(engine.unsupported(scene)),
         directory=directory,
-        before=directory.status(),
+        before=before,
+        checkpoint=checkpoint,
     )

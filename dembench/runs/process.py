@@ -64,6 +64,7 @@ def run_phase(
     stop: Event,
     tick: Callable[[], Stop | None],
     usage: Usage,
+    started: Callable[[int], None] = lambda guard: None,
 ) -> Ended:
     """Runs one phase to its end.
 
@@ -76,6 +77,7 @@ def run_phase(
         stop: Ends it when set.
         tick: Called again and again meanwhile; may ask for the end.
         usage: Kept up to date meanwhile, exact at the end.
+        started: Called with the number of the guard's process once it runs.
     """
     pinned = ",".join(map(str, cores))
     reading, writing = os.pipe()
@@ -84,7 +86,7 @@ def run_phase(
         open(log / f"{phase.name}.err", "ab") as err,
         open(reading, "rb") as memory,
     ):
-        started = time.monotonic()
+        begin = time.monotonic()
         try:
             child = subprocess.Popen(
                 [sys.executable, "-I", "-S", str(LAUNCHER), str(os.getpid()), pinned, str(writing), *phase.command],
@@ -98,12 +100,13 @@ def run_phase(
             )
         finally:
             os.close(writing)
+        started(child.pid)
         tree = _Tree(child.pid, usage)
         stopped: Stop | None = None
         while (ended := _poll(child.pid)) is None:
             tree.sample()
             if stopped is None:
-                elapsed = usage.wall = time.monotonic() - started
+                elapsed = usage.wall = time.monotonic() - begin
                 if deadline is not None and time.monotonic() >= deadline:
                     stopped = "timeout"
                 elif stop.wait(min(LONGEST_POLL, 0.002 + 0.02 * elapsed)):
@@ -120,7 +123,7 @@ def run_phase(
         status, used = ended
         child.returncode = os.waitstatus_to_exitcode(status)
         tree.kill()
-        usage.wall = time.monotonic() - started
+        usage.wall = time.monotonic() - begin
         usage.cpu = used.ru_utime + used.ru_stime
         usage.peak_memory = max(usage.peak_memory, 1024 * int(memory.read() or 0))
     code, name = _outcome(child.returncode)

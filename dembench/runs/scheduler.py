@@ -12,8 +12,9 @@ from typing import Any
 from dembench.runs.directory import Occupied
 from dembench.runs.environment import busy_shares
 from dembench.runs.plan import PlannedRun
+from dembench.runs.progress import Progress
 from dembench.runs.states import Status
-from dembench.runs.supervise import Progress, Supervisor, missing, rejudged, skipped
+from dembench.runs.supervise import Supervisor, missing, rejudged, skipped
 
 
 @dataclass
@@ -22,7 +23,7 @@ class Job:
 
     Attributes:
         run: The run.
-        action: `run`, `reuse`, `skip` or `missing`.
+        action: See `PlannedRun.action`.
         progress: How far it is.
         status: How it ended; None before that.
     """
@@ -50,7 +51,7 @@ class Scheduler:
         self._free, self._at_once, self._options = sorted(cores), at_once, options
         self._changed = threading.Condition()
         self._running: list[Job] = []
-        self._waiting = [job for job in self.jobs if job.action == "run"]
+        self._waiting = [job for job in self.jobs if job.action in ("run", "resume")]
 
     def start(self) -> None:
         """Settles the jobs that need no run and starts the first ones."""

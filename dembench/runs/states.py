@@ -11,6 +11,27 @@ FINISHED: tuple[State, ...] = ("ok", "inaccurate", "skipped")
 """States that are reused; a run in any other state is run again."""
 
 
+RESUMED: tuple[State, ...] = ("interrupted", "timeout")
+"""States from which a run goes on where its engine has left a checkpoint."""
+
+
+class Resumption(Model):
+    """Where a run went on after an interruption.
+
+    Attributes:
+        step, time: Step number and simulated time [s] of the checkpoint.
+        reached: Simulated time that the attempt before had reached [s]; what lies between was computed again.
+        when: Time in ISO 8601 with time zone.
+        note: One line where a later checkpoint could not be used, else empty.
+    """
+
+    step: int
+    time: float
+    reached: float
+    when: str
+    note: str = ""
+
+
 class Verdict(Model):
     """What scoring says about a run that came to its end.
 
@@ -39,8 +60,11 @@ class Status(Model):
         exit_code: Exit code of the last process, None where a signal ended it.
         signal: Name of the signal that ended the last process.
         log_tail: Last lines of the logs.
-        started, ended: Times in ISO 8601 with time zone; empty where it was never started.
-        wall: Wall time from start to end [s].
+        note: One line about an earlier attempt that could not be gone on with, else empty.
+        resumed: Where it went on after interruptions, in their order; empty for a run in one piece.
+        started, ended: Times in ISO 8601 with time zone; of the first and the last attempt; empty where it was never
+            started.
+        wall: Wall time from start to end of all attempts together [s].
         time: Simulated time reached [s].
         frames, frames_expected: Frames recorded, and those that the scene asks for.
         contended: Whether other programs held the cores of the run.
@@ -55,6 +79,8 @@ class Status(Model):
     exit_code: int | None = None
     signal: str | None = None
     log_tail: str = ""
+    note: str = ""
+    resumed: tuple[Resumption, ...] = ()
     started: str = ""
     ended: str = ""
     wall: float | None = None

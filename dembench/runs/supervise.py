@@ -7,52 +7,31 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from threading import Event
 from typing import Any
 
-from dembench.engines.base import Series, Timing
+from dembench.engines.base import Phase, Series, Timing
 from dembench.results import Observer, Result, channels, read, write
 from dembench.runs import environment
+from dembench.runs.attempts import Earlier, resources, together
 from dembench.runs.directory import now
 from dembench.runs.outcome import Failure, failure_of
 from dembench.runs.plan import PlannedRun
 from dembench.runs.process import Ended, Stop, Usage, run_phase
-from dembench.runs.states import State, Status, Verdict
-from dembench.runs.tidy import remove_raw_frames
+from dembench.runs.progress import Progress
+from dembench.runs.states import Resumption, Status, Verdict
+from dembench.runs.tidy import remove_bulk
 
 CHECKPOINT = 30.0
 """Time between two checkpoints of the result [s]; the first ones come sooner."""
 FIRST_CHECKPOINT = 2.0
 LOOK_INTERVAL = 2.0
-LOOK_SHARE = 0.05
+LOOK_SHARE = 0.02
 """Largest share of the time that may go into looking at a running deck [-]."""
 
 Judge = Callable[[PlannedRun, Result], Verdict]
 """Gives a finished run its verdict; the layers above bring it."""
-
-
-@dataclass
-class Progress:
-    """How far a run is, as shown while it goes on.
-
-    Attributes:
-        state: Its state; None before its start.
-        fraction: Simulated time reached, as a share of the duration [-].
-        elapsed: Wall time since the start [s].
-        memory: Peak memory of its processes so far [bytes].
-        note: What it is doing, or the reason of its end.
-    """
-
-    state: State | None = None
-    fraction: float = 0.0
-    elapsed: float = 0.0
-    memory: int = 0
-    note: str = "waiting"
-
-    def left(self) -> float | None:
-        """Estimated wall time to the end [s]; None while too little is known."""
-        return self.elapsed * (1 - self.fraction) / self.fraction if self.fraction > 0.01 else None
 
 
 def skipped(run: PlannedRun) -> Status:
@@ -97,6 +76,7 @@ class Supervisor:
         stop: Event,
         *,
         judge: Judge | None = None,
+        fresh: bool = False,
         checkpoint: float = CHECKPOINT,
         command: str = "",
         progress: Progress | None = None,
@@ -108,13 +88,16 @@ class Supervisor:
             cores: Numbers of the cores that it is pinned to.
             stop: Interrupts it when set.
             judge: Gives its verdict; None leaves it unscored.
+            fresh: Begins anew where it could go on from an interruption.
             checkpoint: Time between checkpoints of the result [s].
             command: Command line that asked for it.
             progress: Kept up to date while it goes on.
         """
         self._run, self._cores, self._stop = run, tuple(cores), stop
-        self._judge, self._checkpoint, self._command = judge, checkpoint, command
+        self._judge, self._fresh, self._checkpoint, self._command = judge, fresh, checkpoint, command
         self._progress = progress or Progress()
+        self._begin = time.monotonic()
+        self._earlier = Earlier()
         self._observer = Observer(run.scene)
         self._series = Series(frames=(), tracks=None)
         self._usage: dict[str, Usage] = {}
@@ -131,16 +114,15 @@ class Supervisor:
         Raises:
             Occupied: Another supervisor works on the same run.
         """
-        self._run.directory.claim(self._run.spec)
-        begin = time.monotonic()
+        before = self._run.directory.claim(self._run.spec, keep=not self._fresh)
+        self._begin = time.monotonic()
         self._set(state="running", started=now())
-        self._progress.note = "writing the deck"
-        ended, failure = self._carry_out(begin)
+        ended, failure = self._carry_out(before)
         self._look(final=True)
         failure = failure or self._failure(ended)
         self._set(
             ended=now(),
-            wall=time.monotonic() - begin,
+            wall=self._wall(),
             phase=next(reversed(self._usage), ""),
             exit_code=ended.exit_code if ended else None,
             signal=ended.signal if ended else None,
@@ -149,34 +131,40 @@ class Supervisor:
         self._conclude(failure)
         self._write_result()
         if self._status.state in ("ok", "inaccurate"):
-            remove_raw_frames(self._run.directory.deck)
+            remove_bulk(self._run.directory.deck)
         self._run.directory.write_status(self._status)
         self._progress.note = self._status.detail or self._status.reason
         return self._status
 
     # ---- the parts of a run
 
-    def _carry_out(self, begin: float) -> tuple[Ended | None, Failure | None]:
-        """Writes the deck and runs its phases up to the first that does not end well."""
+    def _carry_out(self, before: Status | None) -> tuple[Ended | None, Failure | None]:
+        """Writes the deck, or prepares the one that an attempt before has left, and runs its phases.
+
+        It runs them up to the first that does not end well.
+        """
         run, paths = self._run, self._run.directory
         busy = max(environment.busy_shares(self._cores).values(), default=None)
         self._environment = {
             **environment.environment(self._cores, busy),
             "engine": run.probe.model_dump(mode="json"),
         }
+        phases = self._resumed(before) if before is not None else None
         paths.write_environment(self._environment)
-        try:
-            phases = run.engine.write(run.scene, run.settings, paths.deck)
-        except Exception as error:
-            (paths.log / "write.err").write_text(traceback.format_exc())
-            return None, Failure("failed", "engine error", f"the deck could not be written: {error}")
-        deadline = begin + run.spec.timeout if run.spec.timeout else None
+        if phases is None:
+            self._progress.note = "writing the deck"
+            try:
+                phases = run.engine.write(run.scene, run.settings, paths.deck)
+            except Exception as error:
+                (paths.log / "write.err").write_text(traceback.format_exc())
+                return None, Failure("failed", "engine error", f"the deck could not be written: {error}")
+        deadline = self._begin + run.spec.timeout if run.spec.timeout else None
         ended = None
         for phase in phases:
             self._progress.note = phase.name
             usage = self._usage[phase.name] = Usage()
             ended = run_phase(
-                phase, paths.deck, paths.log, self._cores, deadline, self._stop, lambda: self._tick(begin), usage
+                phase, paths.deck, paths.log, self._cores, deadline, self._stop, self._tick, usage, paths.watch
             )
             if phase.timed:
                 self._timed.append(phase.name)
@@ -184,10 +172,37 @@ class Supervisor:
                 break
         return ended, None
 
-    def _tick(self, begin: float) -> Stop | None:
+    def _resumed(self, before: Status) -> list[Phase] | None:
+        """Phases that go on with an earlier attempt; None, with the directory made anew, without a checkpoint of it."""
+        run, paths = self._run, self._run.directory
+        self._progress.note = "reading the last checkpoint"
+        arguments = (run.scene, run.settings, paths.deck)
+        try:
+            reached = max(before.time, run.engine.read(*arguments).time)
+            found = run.engine.checkpoint(*arguments)
+            phases = run.engine.resume(*arguments) if found is not None else None
+            why = "it left no checkpoint that can be used"
+        except Exception as error:
+            found, phases, why = None, None, f"it cannot be gone on with: {type(error).__name__}: {error}"
+        if found is None or phases is None:
+            paths.renew(run.spec)
+            self._set(note=f"begun anew after an attempt that ended as {before.label()}: {why}")
+            return None
+        self._earlier = Earlier.of(paths.result)
+        there = Resumption(step=found.step, time=found.time, reached=reached, when=now(), note=found.note)
+        if (last := self._earlier.status) is not None:
+            self._set(started=last.started, resumed=last.resumed, note=last.note)
+        self._set(resumed=(*self._status.resumed, there))
+        for log in paths.log.glob("*.*"):
+            with open(log, "a") as stream:
+                stream.write(f"--- attempt {len(self._status.resumed) + 1}, from t = {there.time:.6g} s\n")
+        self._look()
+        return phases
+
+    def _tick(self) -> Stop | None:
         """Shows the progress and now and then looks at the running deck and writes a checkpoint."""
         clock = time.monotonic()
-        self._progress.elapsed = clock - begin
+        self._progress.elapsed = clock - self._begin
         self._progress.memory = max(u.peak_memory for u in self._usage.values())
         if clock < self._next_look:
             return None
@@ -213,7 +228,7 @@ class Supervisor:
                     self._series = replace(self._series, failure="no output", detail=detail)
         reached = len(self._run.scene.frame_times()) - len(self._observer.missing())
         self._set(frames=reached, time=self._series.time)
-        self._progress.fraction = min(1.0, self._series.time / self._run.scene.duration)
+        self._progress.reach(self._series.time, self._run.scene.duration)
 
     def _failure(self, ended: Ended | None) -> Failure | None:
         observed = self._observer.observed()
@@ -278,7 +293,8 @@ class Supervisor:
     def _write_checkpoint(self) -> None:
         """Writes the result so far as that of an interrupted run: that is what it is if nothing follows."""
         going_on = self._status
-        self._status = going_on.model_copy(update={"state": "interrupted", "reason": "checkpoint"})
+        update = {"state": "interrupted", "reason": "checkpoint", "wall": self._wall()}
+        self._status = going_on.model_copy(update=update)
         self._write_result()
         self._status = going_on
 
@@ -293,20 +309,17 @@ class Supervisor:
         return timing
 
     def _resources(self) -> dict[str, Any]:
-        """Sums over the timed phases, the largest memory of all, and every phase by itself."""
-        timed = [u for name, u in self._usage.items() if name in self._timed] or list(self._usage.values())
-        waited = [u.waited for u in timed if u.waited is not None]
-        return {
-            "wall": sum(u.wall for u in timed),
-            "cpu": sum(u.cpu for u in timed),
-            "waited": sum(waited) if waited else None,
-            "peak_memory": max((u.peak_memory for u in self._usage.values()), default=0),
-            "phases": {name: asdict(usage) for name, usage in self._usage.items()},
-        }
+        return together([*self._earlier.resources, resources(self._usage, self._timed)])
+
+    def _wall(self) -> float:
+        """Wall time of all attempts up to now [s]."""
+        before = self._earlier.status
+        return (before.wall if before and before.wall else 0.0) + time.monotonic() - self._begin
 
     def _contended(self) -> bool:
-        used = self._resources()
-        return environment.contended(self._environment.get("busy_before"), used["waited"], used["cpu"])
+        own, before = resources(self._usage, self._timed), self._earlier.status
+        here = environment.contended(self._environment.get("busy_before"), own["waited"], own["cpu"])
+        return here or (before is not None and before.contended)
 
     def _set(self, **changes: Any) -> None:
         self._status = self._status.model_copy(update=changes)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-RAW_FRAMES = "frames"
-"""Directory of a deck in which an engine writes its raw frames: they are in the observables, and bulky."""
+from dembench.engines.base import CHECKPOINTS, FRAMES
 
 
-def remove_raw_frames(deck: Path) -> None:
-    """Removes the raw frames of a deck; its text, its tracks and all logs stay."""
-    shutil.rmtree(deck / RAW_FRAMES, ignore_errors=True)
+def remove_bulk(deck: Path) -> None:
+    """Removes raw frames, which are in the observables, and checkpoints; its text, its tracks and all logs stay."""
+    for name in (FRAMES, CHECKPOINTS):
+        shutil.rmtree(deck / name, ignore_errors=True)

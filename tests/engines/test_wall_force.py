@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dembench.engines import registry
-from dembench.engines.in_tree import simulate
+from dembench.engines.in_tree_program import simulate
 from dembench.results import observe
 from dembench.scene import scene_from
 
