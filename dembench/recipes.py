@@ -11,11 +11,11 @@ from pydantic import Field, ValidationError
 
 from dembench.campaign import Request, seconds
 from dembench.cases.base import Preset
-from dembench.cases.share import share
 from dembench.engines.base import Division
 from dembench.plugins import nearest
 from dembench.runs.plan import RequestError
 from dembench.scene.base import Model, NotNegative, Positive
+from dembench.share import share
 
 Value = str | bool | int | float
 

@@ -58,7 +58,7 @@ import sys
 sys.path.insert(0, {str(tmp_path / "site")!r})
 import dembench
 from dembench.cases import registry
-from dembench.cases.share import share
+from dembench.share import share
 from dembench.engines.liggghts import Liggghts
 from dembench.scene import Scene
 from pathlib import Path

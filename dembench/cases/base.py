@@ -76,6 +76,8 @@ class Curve:
         value: Values in the observable's unit, shape (t,).
         low, high: Range at each time, shape (t,), or None.
         source: Where the points come from.
+        component: Component of the observable that they belong to; empty where it has none.
+        points: Single points, not a line through them.
     """
 
     observable: str
@@ -85,6 +87,8 @@ class Curve:
     low: np.ndarray | None
     high: np.ndarray | None
     source: str
+    component: str = ""
+    points: bool = False
 
 
 class Series(Protocol):
@@ -98,10 +102,13 @@ class Series(Protocol):
 
 
 class Recorded(Protocol):
-    """What a case needs of a result: its observables by name."""
+    """What a case needs of a result: its observables and snapshots by name."""
 
     @property
     def observables(self) -> Mapping[str, Any]: ...
+
+    @property
+    def snapshots(self) -> Mapping[str, Any]: ...
 
 
 class Case(ABC):
@@ -150,6 +157,10 @@ class Case(ABC):
         Raises:
             CaseError: See `check`.
         """
+
+    def softening(self, parameters: Any, preset: Preset) -> str:
+        """How the materials of a variant are softer than the published ones; empty where they are not."""
+        return ""
 
     @abstractmethod
     def quantities(self, scene: Scene, result: Recorded) -> list[Quantity]:

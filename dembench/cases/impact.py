@@ -3,35 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
-from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from dembench.cases import impact_scores
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
-from dembench.cases.share import share
-from dembench.initial.filling import LOOSE, Filling, Layer, PackingError, Protocol, filled
+from dembench.cases.initial_states import bed, given_coordinates, given_file
+from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published
+from dembench.initial.filling import LOOSE, Filling, Layer, Protocol
 from dembench.initial.progress import Progress
-from dembench.initial.published import find_file, read_coordinates
-from dembench.initial.rows import CoordinatesError
+from dembench.initial.published import read_coordinates
 from dembench.scene import (
     Bodies,
     Box,
     Domain,
     ElasticEnergy,
     Energy,
-    Material,
     Overlap,
-    PairLaw,
     Scene,
     Snapshot,
     Species,
     Trajectory,
 )
-from dembench.scene.base import Model, NotNegative
+from dembench.scene.base import Model
 
 INTERVAL = 1e-3
 TRACK_INTERVAL = 5e-5
@@ -41,25 +37,18 @@ QUICK_DURATION = 0.06
 QUICK_RAYLEIGH_FRACTION = 0.1
 MARGIN = (0.006, 0.006, 0.01)
 DOMAIN_TOP = 0.4
+DEEPEST = 0.031
+"""Time near which the ball is deepest in the 25k bed [s]."""
 
 
-class ImpactParameters(Model):
-    """Parameters of the case.
+class ImpactParameters(ContactParameters):
+    """Parameters of the case; see `ContactParameters` for those of the contacts.
 
     Attributes:
         bed: Number of grains of the published beds; the quick preset has one bed of its own.
-        jitter: Largest random displacement [m] of a grain of a given bed per axis, for seeds above 0. Seed 0 is the bed
-            as it is; a generated bed differs by its seed anyway.
     """
 
     bed: Literal["25k", "50k", "100k"] = "25k"
-    jitter: NotNegative = 1e-6
-
-
-@cache
-def published() -> dict[str, Any]:
-    """The published numbers of the case."""
-    return tomllib.loads(share("data", "dosta2024-impact.toml").read_text(encoding="utf-8"))
 
 
 class Impact(Case):
@@ -67,7 +56,7 @@ class Impact(Case):
 
     name: ClassVar[str] = "case3"
     title: ClassVar[str] = "Particle impact: a steel ball at 5 m/s hits a bed of grains"
-    source: ClassVar[str] = "Dosta et al. 2024, Comput. Phys. Commun. 296, 109066, doi 10.1016/j.cpc.2023.109066"
+    source: ClassVar[str] = SOURCE
     parameters: ClassVar[type[Model]] = ImpactParameters
 
     def check(self, parameters: ImpactParameters, preset: Preset, initial: Path | None = None) -> None:
@@ -76,7 +65,7 @@ class Impact(Case):
             raise CaseError(f"{self.name} has no preset '{preset}'; accepted are {', '.join(self.presets)}")
         if preset == "published":
             return
-        given = sorted(parameters.model_fields_set)
+        given = sorted(parameters.model_fields_set & {"bed", "jitter"})
         if given:
             raise CaseError(
                 f"{self.name}[{given[0]}={getattr(parameters, given[0])}]: the quick preset has one bed of its own, "
@@ -99,12 +88,12 @@ class Impact(Case):
         """See `Case.scene`. The ball is the last body."""
         self.check(parameters, preset, initial)
         if preset == "quick":
-            bed, state = _generated_bed(None, seed, progress), "quick"
+            grains, state = bed(self.name if seed == 0 else None, filling(None), progress, seed), "quick"
         elif initial is None:
-            bed, state = _generated_bed(parameters.bed, seed, progress), f"{parameters.bed}_generated"
+            grains, state = bed(None, filling(parameters.bed), progress, seed), f"{parameters.bed}_generated"
         else:
-            bed, state = _given_bed(parameters, initial, seed)
-        return _scene(f"{self.name}_{state}", bed, preset)
+            grains, state = _given_bed(parameters, initial, seed)
+        return _scene(f"{self.name}_{state}", grains, parameters, preset)
 
     def quantities(self, scene: Scene, result: Recorded) -> list[Quantity]:
         """See `Case.quantities`."""
@@ -112,28 +101,24 @@ class Impact(Case):
 
     def references(self, scene: Scene, parameters: ImpactParameters, preset: Preset) -> list[Reference]:
         """See `Case.references`; what holds depends on whether the bed is that of the published file."""
-        bed = parameters.bed if preset == "published" else None
-        return impact_scores.references(scene, published(), bed)
+        known = parameters.bed if preset == "published" and not parameters.changed() else None
+        return impact_scores.references(scene, published("impact"), known)
 
     def reference_curves(self, scene: Scene, parameters: ImpactParameters, preset: Preset) -> list[Curve]:
         """See `Case.reference_curves`."""
-        bed = parameters.bed if preset == "published" else None
-        return impact_scores.curves(scene, published(), bed)
-
-
-def _materials() -> tuple[tuple[Material, ...], tuple[PairLaw, ...]]:
-    return tuple(Material(**m) for m in published()["materials"]), tuple(PairLaw(**p) for p in published()["pair_laws"])
+        known = parameters.bed if preset == "published" and not parameters.changed() else None
+        return impact_scores.curves(scene, published("impact"), known)
 
 
 def _box() -> Box:
-    return Box(name="box", material="steel", open_faces=("z+",), **published()["box"])
+    return Box(name="box", material="steel", open_faces=("z+",), **published("impact")["box"])
 
 
-def _filling(bed: str | None) -> Filling:
-    """What the bed is made of, and what it should come out as; None is the quick bed."""
-    materials, laws = _materials()
-    numbers = published()["beds"][bed] if bed else None
-    radius = published()["published"]["grain_radius"] if numbers else QUICK_GRAIN_RADIUS
+def filling(size: str | None) -> Filling:
+    """How a bed is made, and what it should come out as; None is the quick bed."""
+    materials, laws = contacts(("M1",), ContactParameters())
+    numbers = published("impact")["beds"][size] if size else None
+    radius = published("impact")["published"]["grain_radius"] if numbers else QUICK_GRAIN_RADIUS
     return Filling(
         materials=materials,
         pair_laws=laws,
@@ -146,29 +131,18 @@ def _filling(bed: str | None) -> Filling:
     )
 
 
-def _generated_bed(bed: str | None, seed: int, progress: Progress | None) -> np.ndarray:
-    try:
-        return filled(_filling(bed), seed, progress)
-    except PackingError as error:
-        raise CaseError(f"case3: {error}; another seed may do, or give the published bed as initial state") from None
-
-
 def _given_bed(parameters: ImpactParameters, initial: Path, seed: int) -> tuple[np.ndarray, str]:
     """Grain centres of a given file [m], shape (n, 3), and the state's part of the scene's name."""
-    numbers = published()["beds"][parameters.bed]
-    try:
-        path = find_file(initial, f"impact {parameters.bed}")
-        coordinates = read_coordinates(path, [published()["published"]["grain_radius"]], published()["ball"]["radius"])
-    except CoordinatesError as error:
-        raise CaseError(str(error)) from None
-    if len(coordinates.position) != numbers["grains"]:
-        raise CaseError(
-            f"{path}: {len(coordinates.position)} grains; case3[bed={parameters.bed}] has {numbers['grains']}"
-        )
-    known = positions_digest(coordinates.position) == numbers.get("positions_sha256")
-    position = coordinates.position
-    if seed:
-        position = position + np.random.default_rng(seed).uniform(-parameters.jitter, parameters.jitter, position.shape)
+    numbers = published("impact")
+    path = given_file(initial, f"impact {parameters.bed}")
+    assert path is not None, "a file is given"
+    radii, ball, count = [numbers["published"]["grain_radius"]], numbers["ball"]["radius"], numbers["beds"]
+    coordinates = given_coordinates(lambda: read_coordinates(path, radii, ball))
+    expected = count[parameters.bed]["grains"]
+    if len(coordinates.position) != expected:
+        raise CaseError(f"{path}: {len(coordinates.position)} grains; case3[bed={parameters.bed}] has {expected}")
+    known = positions_digest(coordinates.position) == count[parameters.bed].get("positions_sha256")
+    position = moved(coordinates.position, seed, parameters.jitter)
     return position, f"{parameters.bed}_{'published' if known else 'given'}"
 
 
@@ -177,13 +151,13 @@ def positions_digest(position: np.ndarray) -> str:
     return hashlib.sha256(np.ascontiguousarray(position, dtype="<f8").tobytes()).hexdigest()
 
 
-def _scene(name: str, bed: np.ndarray, preset: Preset) -> Scene:
-    numbers = published()
-    materials, laws = _materials()
+def _scene(name: str, grains: np.ndarray, parameters: ImpactParameters, preset: Preset) -> Scene:
+    numbers = published("impact")
+    materials, laws = contacts(("M1",), parameters)
     box, ball, settings = _box(), numbers["ball"], numbers["published"]
     quick = preset == "quick"
     duration = QUICK_DURATION if quick else settings["duration"]
-    n = len(bed)
+    n = len(grains)
     velocity = np.zeros((n + 1, 3))
     velocity[n] = ball["velocity"]
     lower = tuple(x - m for x, m in zip(box.lower, MARGIN, strict=True))
@@ -198,7 +172,7 @@ def _scene(name: str, bed: np.ndarray, preset: Preset) -> Scene:
         ),
         walls=(box,),
         bodies=Bodies(
-            position=np.vstack([bed, ball["position"]]),
+            position=np.vstack([grains, ball["position"]]),
             species=np.append(np.zeros(n, np.int32), 1),
             velocity=velocity,
         ),
@@ -211,6 +185,7 @@ def _scene(name: str, bed: np.ndarray, preset: Preset) -> Scene:
             Energy(name="energy", interval=INTERVAL),
             ElasticEnergy(name="springs", interval=INTERVAL),
             Overlap(name="overlap", interval=INTERVAL),
+            Snapshot(name="deepest", times=(DEEPEST,)),
             Snapshot(name="final", times=(duration,)),
         ),
     )

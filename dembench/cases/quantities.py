@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 AT_REST = 0.01
@@ -26,3 +28,62 @@ def lowest(time: np.ndarray, value: np.ndarray) -> tuple[float, float] | None:
     if k == len(value) - 1 and down[-1] > AT_REST * down.max():
         return None
     return float(time[k]), float(value[k])
+
+
+@dataclass(frozen=True)
+class Extremum:
+    """A peak or a trough of a sampled curve: time [s] and value of the parabola through three samples."""
+
+    time: float
+    value: float
+    peak: bool
+
+
+def extrema(time: np.ndarray, value: np.ndarray, swing: float) -> list[Extremum]:
+    """Peaks and troughs by turns, each at least `swing` away from its neighbours; the ends are none.
+
+    A run of equal samples, as of a count that stays at zero, has its extremum in the middle.
+    """
+    turns = _turns(value, swing)
+    found = []
+    for k, peak in turns:
+        last = k
+        while last + 1 < len(value) and value[last + 1] == value[k]:
+            last += 1
+        if k == 0 or last == len(value) - 1:
+            continue
+        if last > k:
+            found.append(Extremum(float(0.5 * (time[k] + time[last])), float(value[k]), peak))
+        else:
+            found.append(Extremum(*_parabola(time[k - 1 : k + 2], value[k - 1 : k + 2]), peak))
+    return found
+
+
+def _turns(value: np.ndarray, swing: float) -> list[tuple[int, bool]]:
+    """Indices where the curve turns by at least `swing`, and whether each is a peak."""
+    found: list[tuple[int, bool]] = []
+    low = high = 0
+    rising: bool | None = None
+    for k in range(1, len(value)):
+        if value[k] > value[high]:
+            high = k
+        if value[k] < value[low]:
+            low = k
+        if rising is not False and value[k] <= value[high] - swing:
+            if rising is not None or high > 0:
+                found.append((high, True))
+            rising, low = False, k
+        elif rising is not True and value[k] >= value[low] + swing:
+            if rising is not None or low > 0:
+                found.append((low, False))
+            rising, high = True, k
+    return found
+
+
+def _parabola(time: np.ndarray, value: np.ndarray) -> tuple[float, float]:
+    """Vertex of the parabola through three points at equal distances."""
+    before, middle, after = value
+    bend = before - 2 * middle + after
+    shift = 0.5 * (before - after) / bend
+    step = 0.5 * (time[2] - time[0])
+    return float(time[1] + shift * step), float(middle - 0.25 * (before - after) * shift)

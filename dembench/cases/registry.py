@@ -12,7 +12,11 @@ from dembench import plugins
 from dembench.cases.base import Case, CaseError
 from dembench.scene.base import Model
 
-BUILT_IN = {"case3": "dembench.cases.impact:Impact"}
+BUILT_IN = {
+    "case1": "dembench.cases.silo:Silo",
+    "case2": "dembench.cases.drum:Drum",
+    "case3": "dembench.cases.impact:Impact",
+}
 GROUP = "dembench.cases"
 
 _TEXT = re.compile(r"(?P<name>[A-Za-z][A-Za-z0-9_-]*)(?:\[(?P<parameters>[^\[\]]*)\])?")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from dembench.cases.share import share
+from dembench.share import share
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """Case 3: its scene is the published one, and its quantities and references tell right from wrong."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from records import Record, Seen
 
 from dembench.cases import impact
 from dembench.cases.base import CaseError
@@ -42,20 +42,9 @@ def given(tmp_path_factory):
 @pytest.fixture
 def quick(monkeypatch):
     """The quick scene on a bed that takes no time to make."""
-    monkeypatch.setattr(impact, "filled", lambda plan, seed, progress: loose_bed(plan.count, plan.species[0].radius))
+    monkeypatch.setattr(impact, "bed", lambda name, plan, progress, seed: loose_bed(plan.count, plan.species[0].radius))
     found, parameters = parse_case("case3")
     return found.scene(parameters, "quick")
-
-
-@dataclass
-class Seen:
-    time: np.ndarray
-    value: np.ndarray
-
-
-@dataclass
-class Record:
-    observables: dict
 
 
 def record(scene, depth, until=None):
@@ -100,9 +89,9 @@ def scored(scene, result, preset="published", text="case3"):
 def published_scene(given, monkeypatch):
     """The published scene on a bed that passes for the published one."""
     digest = impact.positions_digest(loose_bed(25000, 0.001))
-    numbers = {**impact.published()}
+    numbers = {**impact.published("impact")}
     numbers["beds"] = {**numbers["beds"], "25k": {**numbers["beds"]["25k"], "positions_sha256": digest}}
-    monkeypatch.setattr(impact, "published", lambda: numbers)
+    monkeypatch.setattr(impact, "published", lambda name: numbers)
     found, parameters = parse_case("case3")
     return found.scene(parameters, "published", given)
 
@@ -178,7 +167,7 @@ def test_the_bed_is_made_with_the_seed_and_the_published_targets(monkeypatch):
         asked.append((plan, seed))
         return loose_bed(plan.count, plan.species[0].radius)
 
-    monkeypatch.setattr(impact, "filled", bed)
+    monkeypatch.setattr("dembench.cases.initial_states.filled", bed)
     found, parameters = parse_case("case3[bed=25k]")
     scene = found.scene(parameters, "published", seed=7)
     plan, seed = asked[0]

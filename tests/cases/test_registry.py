@@ -17,8 +17,8 @@ def test_parameters_from_text():
     "text,expected",
     [
         ("case4", "Did you mean 'case3'"),
-        ("impact", "Known are case3"),
-        ("case3[bd=25k]", "'bd'. Did you mean 'bed'? Accepted are bed, jitter"),
+        ("impact", "Known are case1, case2, case3"),
+        ("case3[bd=25k]", "'bd'. Did you mean 'bed'? Accepted are "),
         ("case3[orifice=small]", "no parameter 'orifice'"),
         ("case3[bed=26k]", "'25k', '50k' or '100k' (given: '26k')"),
         ("case3[jitter=-1]", "greater than or equal to 0 (given: '-1')"),

@@ -4,12 +4,12 @@ import tomllib
 
 import pytest
 
-from dembench.cases import share as module
-from dembench.cases.share import share
+from dembench import share as module
+from dembench.share import share
 
 
 def test_the_published_numbers_are_there():
-    assert tomllib.loads(share("data", "dosta2024-impact.toml").read_text())["doi"] == "10.1016/j.cpc.2023.109066"
+    assert tomllib.loads(share("data", "published", "common.toml").read_text())["doi"] == "10.1016/j.cpc.2023.109066"
 
 
 def test_an_installed_package_has_its_own_copy(tmp_path, monkeypatch):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-_PACKAGE = Path(__file__).resolve().parent.parent
+_PACKAGE = Path(__file__).resolve().parent
 
 
 def share(*parts: str) -> Path:
-    """Path of a file that travels with the package, e.g. share("data", "dosta2024-impact.toml").
+    """Path of a file that travels with the package, e.g. share("data", "published", "impact.toml").
 
     Raises:
         FileNotFoundError: Neither a checkout nor an installed package has it.

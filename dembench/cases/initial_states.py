@@ -1,0 +1,78 @@
+"""Where the initial states of the cases come from: given files, beds that ship with the package, fillings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from dembench.cases.base import CaseError
+from dembench.initial.beds import shipped
+from dembench.initial.filling import Filling, PackingError, filled
+from dembench.initial.progress import Progress
+from dembench.initial.published import FILES, Coordinates, find_file
+from dembench.initial.published_walls import read_walls
+from dembench.initial.rows import CoordinatesError
+
+
+def bed(name: str | None, plan: Filling, progress: Progress | None, seed: int = 0) -> np.ndarray:
+    """Centres of a settled bed [m], shape (n, 3).
+
+    Args:
+        name: Name of the bed that ships with the package for this plan; None where none does.
+        plan: How the bed is made where none ships.
+        progress: Called while it is made.
+        seed: Seed of the filling.
+
+    Raises:
+        CaseError: The filling failed.
+    """
+    if name is not None and (found := shipped(name)) is not None:
+        return found
+    try:
+        return filled(plan, seed, progress)
+    except PackingError as error:
+        raise CaseError(f"{error}; another seed may do, or give a published initial state") from None
+
+
+def given_file(initial: Path | None, name: str, walls: bool = False) -> Path | None:
+    """The given file of that name (see `FILES`).
+
+    Args:
+        initial: What is given; None gives None.
+        name: Name of the file.
+        walls: What is given is a directory for the sake of its wall meshes: it may lack the file, which gives None.
+
+    Raises:
+        CaseError: What is given does not exist, lacks the file or has several such files.
+    """
+    if initial is None:
+        return None
+    try:
+        return find_file(initial, name)
+    except CoordinatesError as error:
+        if walls and initial.is_dir():
+            return None
+        raise CaseError(str(error)) from None
+
+
+def given_coordinates(read: Callable[[], Coordinates]) -> Coordinates:
+    """What `read` returns; a file that cannot be used is an error of the case."""
+    try:
+        return read()
+    except CoordinatesError as error:
+        raise CaseError(str(error)) from None
+
+
+def given_walls(initial: Path, name: str) -> np.ndarray:
+    """Triangles of a published wall mesh [m], shape (n, 3, 3), from a directory or a file.
+
+    Raises:
+        CaseError: It is not there, or is no such mesh.
+    """
+    assert name in FILES, "names of files are those of the reader"
+    try:
+        return read_walls(find_file(initial, name), name)
+    except CoordinatesError as error:
+        raise CaseError(str(error)) from None
