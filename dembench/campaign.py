@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -54,13 +54,18 @@ class Request:
     seeds: tuple[int, ...] = (0,)
     repeats: int = 1
     time: float | None = None
-    timeout: float | None = None
+    timeout: float | None = 21600.0
     division: Division = "closed"
     out: Path = Path("runs")
 
     def is_quick_unasked(self) -> bool:
         """Whether cases run as `quick` because no preset was given."""
-        return self.preset is None and not all(_is_file(text) for text in self.what)
+        return self.preset is None and not all(is_file(text) for text in self.what)
+
+
+def is_file(text: str) -> bool:
+    """Whether a text names a scene file, not a case."""
+    return text.endswith(".json")
 
 
 def seconds(text: str) -> float:
@@ -99,29 +104,33 @@ def build_scenes(request: Request, progress: Progress) -> list[SceneChoice]:
     Raises:
         CaseError, SceneError, RequestError: What was asked for does not exist, does not fit or is no scene.
     """
-    for text in request.what:
-        _check(text, request)
+    _check(request)
+    return _scenes(request, progress, {})
+
+
+def planned(requests: Sequence[Request], progress: Progress) -> list[list[PlannedRun]]:
+    """The runs of each request; what several ask for is one run, which all of them list.
+
+    Every request is checked before the first scene is built. See `build_scenes` and `dembench.runs.plan.plan` for
+    errors.
+    """
+    engines = [chosen_engines(request.engines) for request in requests]
+    for request in requests:
+        _check(request)
+    scenes: dict[tuple[Any, ...], Scene] = {}
+    known: dict[Path, PlannedRun] = {}
     found = []
-    for text in request.what:
-        for seed in request.seeds:
-            scene = _cut(_scene(text, request, seed, progress), request.time)
-            check_scene(scene)
-            name = Path(text).name if _is_file(text) else text
-            found.append(SceneChoice(name, None if _is_file(text) else request.preset or "quick", seed, scene))
+    for request, chosen in zip(requests, engines, strict=True):
+        runs = plan(
+            _scenes(request, progress, scenes),
+            chosen,
+            request.out,
+            division=request.division,
+            repeats=request.repeats,
+            timeout=request.timeout,
+        )
+        found.append([known.setdefault(run.directory.path, run) for run in runs])
     return found
-
-
-def planned(request: Request, progress: Progress) -> list[PlannedRun]:
-    """The runs of a request; see `build_scenes` and `dembench.runs.plan.plan` for errors."""
-    engines = chosen_engines(request.engines)
-    return plan(
-        build_scenes(request, progress),
-        engines,
-        request.out,
-        division=request.division,
-        repeats=request.repeats,
-        timeout=request.timeout,
-    )
 
 
 def judge(run: PlannedRun, result: Result) -> Verdict:
@@ -190,10 +199,6 @@ def _signals() -> Iterator[Callable[[], bool]]:
             signal.signal(number, handler)
 
 
-def _is_file(text: str) -> bool:
-    return text.endswith(".json")
-
-
 def _is_there(name: str) -> bool:
     try:
         return registry.engine(name).probe().available
@@ -201,22 +206,41 @@ def _is_there(name: str) -> bool:
         return False
 
 
-def _check(text: str, request: Request) -> None:
-    if _is_file(text):
-        for option, given in (
-            ("--preset", request.preset is not None),
-            ("--initial", request.initial is not None),
-            ("--seeds", request.seeds != (0,)),
-        ):
-            if given:
-                raise RequestError(f"{option} is for cases; the scene file {text} says everything itself")
-        return
-    case, parameters = parse_case(text)
-    case.check(parameters, request.preset or "quick", request.initial)
+def _check(request: Request) -> None:
+    for text in request.what:
+        if is_file(text):
+            _check_options_of_file(text, request)
+        else:
+            case, parameters = parse_case(text)
+            case.check(parameters, request.preset or "quick", request.initial)
+
+
+def _check_options_of_file(text: str, request: Request) -> None:
+    for option, given in (
+        ("--preset", request.preset is not None),
+        ("--initial", request.initial is not None),
+        ("--seeds", request.seeds != (0,)),
+    ):
+        if given:
+            raise RequestError(f"{option} is for cases; the scene file {text} says everything itself")
+
+
+def _scenes(request: Request, progress: Progress, made: dict[tuple[Any, ...], Scene]) -> list[SceneChoice]:
+    """The scenes of a checked request; those that are in `made` are taken from it, the others added to it."""
+    found = []
+    for text in request.what:
+        for seed in request.seeds:
+            key = (text, request.preset, request.initial, seed, request.time)
+            if key not in made:
+                made[key] = _cut(_scene(text, request, seed, progress), request.time)
+                check_scene(made[key])
+            name = Path(text).name if is_file(text) else text
+            found.append(SceneChoice(name, None if is_file(text) else request.preset or "quick", seed, made[key]))
+    return found
 
 
 def _scene(text: str, request: Request, seed: int, progress: Progress) -> Scene:
-    if _is_file(text):
+    if is_file(text):
         return load_scene(Path(text))
     case, parameters = parse_case(text)
     return case.scene(parameters, request.preset or "quick", request.initial, seed, progress)

@@ -20,49 +20,105 @@ from dembench.scene import Overlap, save_scene
 SMALL = """
 title = "Two stand-ins"
 cases = ["small.json"]
-[[variants]]
-engine = "standin"
+[[runs]]
+engines = ["standin"]
 settings = { spoil = ["a", "b"], dt = 1e-4 }
-[[references]]
-engine = "standin-coarse"
+[[runs]]
+engines = ["standin-coarse"]
+division = "open"
+reference = true
 """
 
 
+def _block(**fields) -> recipes.Block:
+    return recipes.Block(**{"cases": ["case3"], "engines": ["peclet"], **fields})
+
+
 def test_lists_of_settings_give_every_combination() -> None:
-    entry = recipes.Entry(engine="peclet", settings={"rows": "rigid", "a": [1, 2], "b": [True, 0.5]})
-    choices = entry.choices()
+    block = _block(settings={"rows": "rigid", "a": [1, 2], "b": [True, 0.5]})
+    choices = block.engine_choices(["peclet"])
     assert choices == [
         "peclet[rows=rigid,a=1,b=true]",
         "peclet[rows=rigid,a=1,b=0.5]",
         "peclet[rows=rigid,a=2,b=true]",
         "peclet[rows=rigid,a=2,b=0.5]",
     ]
-    assert [entry.short(choice) for choice in choices] == ["1 × true", "1 × 0.5", "2 × true", "2 × 0.5"]
-    assert recipes.Entry(engine="liggghts").choices() == ["liggghts"]
-    assert [c.overrides for c in parse_engines(choices[0])] == [{"rows": "rigid", "a": "1", "b": "true"}]
+    parsed = [choice.overrides for choice in parse_engines(",".join(choices))]
+    assert [block.swept(overrides) for overrides in parsed] == ["1 × true", "1 × 0.5", "2 × true", "2 × 0.5"]
+    assert _block().engine_choices(["liggghts"]) == ["liggghts"]
+    assert parsed[0] == {"rows": "rigid", "a": "1", "b": "true"}
 
 
-def test_the_request_is_that_of_the_recipe_unless_something_else_is_asked_for(tmp_path: Path) -> None:
+def test_lists_of_parameters_give_every_combination_and_are_added_to_what_a_case_says() -> None:
+    block = _block(cases=["case3", "case3[bed=50k]"], parameters={"jitter": [1e-6, 1e-5]})
+    assert [choice.text for choice in block.case_choices()] == [
+        "case3[jitter=1e-06]",
+        "case3[jitter=1e-05]",
+        "case3[bed=50k,jitter=1e-06]",
+        "case3[bed=50k,jitter=1e-05]",
+    ]
+    assert parse_case(block.case_choices()[3].text)[1].jitter == 1e-5
+
+
+def test_what_stands_above_the_blocks_holds_for_those_that_do_not_say_otherwise(tmp_path: Path) -> None:
     recipe = recipes.Recipe(
-        title="t", cases=["case3"], seeds=[1, 2], time=0.04, timeout="2h", variants=[{"engine": "peclet"}]
+        title="t",
+        cases=["case3"],
+        seeds=[1, 2],
+        time=0.04,
+        preset="published",
+        initial="beds",
+        runs=[
+            {"engines": ["peclet"], "division": "open", "timeout": "2h"},
+            {"engines": ["liggghts", "peclet"], "time": 0.02, "settings": {"dt": 1e-6}},
+        ],
     )
-    request = recipe.request(tmp_path)
-    assert (request.what, request.seeds, request.time, request.timeout) == (("case3",), (1, 2), 0.04, 7200)
-    changed = recipe.request(tmp_path, preset="published", seeds=(3,), time=None)
-    assert (changed.preset, changed.seeds, changed.time) == ("published", (3,), 0.04)
+    (_, first), (_, second) = recipe.requests(tmp_path)
+    assert (first.what, first.seeds, first.time, first.timeout) == (("case3",), (1, 2), 0.04, 7200)
+    assert (first.division, second.division, second.time) == ("open", "closed", 0.02)
+    assert second.engines == "liggghts[dt=1e-06],peclet[dt=1e-06]"
+    assert first.initial == second.initial == Path("beds")
+
+
+def test_what_is_typed_replaces_what_the_recipe_says(tmp_path: Path) -> None:
+    recipe = recipes.Recipe(
+        title="t",
+        cases=["case3"],
+        preset="published",
+        initial="beds",
+        runs=[{"engines": ["peclet"]}, {"engines": ["liggghts", "peclet"]}],
+    )
+    changed = [r for _, r in recipe.requests(tmp_path, preset="quick", seeds=(3,), division="open", time=None)]
+    assert {(r.preset, r.seeds, r.division, r.time) for r in changed} == {("quick", (3,), "open", None)}
+    assert {r.initial for r in changed} == {None}, "the quick preset makes its own beds"
+    chosen = recipe.requests(tmp_path, ["liggghts"])
+    assert [(block.engines, r.engines) for block, r in chosen] == [(("liggghts", "peclet"), "liggghts")]
+    with pytest.raises(RequestError, match=r"no engine 'liggght'. Did you mean 'liggghts'\?"):
+        recipe.requests(tmp_path, ["liggght"])
+
+
+def test_parameters_are_not_for_scene_files(tmp_path: Path) -> None:
+    recipe = recipes.Recipe(title="t", runs=[{"cases": ["a.json"], "engines": ["peclet"], "parameters": {"b": 1}}])
+    with pytest.raises(RequestError, match=r"parameters are for cases; of a\.json"):
+        recipe.requests(tmp_path)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (('cases = ["small.json"]', ""), "cases is missing"),
-        (('engine = "standin"', 'engin = "standin"'), r"variants\.0\.engin is not known. Did you mean 'engine'\?"),
+        (('cases = ["small.json"]', ""), r"runs\.0\.cases is missing"),
+        (('engines = ["standin"]', 'engin = ["standin"]'), r"runs\.0\.engin is not known. Did you mean 'engines'\?"),
         (("title", "titel"), r"titel is not known. Did you mean 'title'\?"),
-        (('["a", "b"]', "[]"), r"variants\.0\.settings\.spoil.*at least 1 item"),
-        (("[[variants]]", "[[variants]"), "Expected"),
+        (("cases", "seed = 1\ncases"), r"seed is not known. Did you mean 'seeds'\?"),
+        (('["a", "b"]', "[]"), r"runs\.0\.settings\.spoil.*at least 1 item"),
+        (("[[runs]]", "[[runs]"), "Expected"),
         (('cases = ["small.json"]', "cases = []"), "cases.*at least 1 item"),
         (('cases = ["small.json"]', 'cases = ["small.json"]\nseeds = [-1]'), r"seeds\.0.*greater than or equal to 0"),
         (('cases = ["small.json"]', 'cases = ["small.json"]\npreset = "fast"'), "preset.*'quick' or 'published'"),
+        (
+            ("[[runs]]", '[page]\nquantities = ["q"]\n[sensitivity]\nparameter = "x"\nmust_vary = ["q"]\n[[runs]]'),
+            r"parameter 'x' needs several values in runs\.0\.parameters",
+        ),
     ],
 )
 def test_a_wrong_recipe_is_refused_with_the_field(tmp_path: Path, change: tuple[str, str], message: str) -> None:
@@ -73,23 +129,30 @@ def test_a_wrong_recipe_is_refused_with_the_field(tmp_path: Path, change: tuple[
     assert str(path) in str(error.value)
 
 
-def test_an_unknown_recipe_names_the_nearest() -> None:
+def test_a_word_is_a_case_a_scene_or_a_recipe() -> None:
+    assert recipes.asked_for(["case3", "case3[bed=50k]", "scene.json"]) is None
+    found = recipes.asked_for(["impulse-study"])
+    assert found is not None and found.name == "impulse-study.toml"
     with pytest.raises(RequestError, match="Did you mean 'impulse-study'"):
-        recipes.find("impulse-stdy")
+        recipes.asked_for(["impulse-stdy"])
+    with pytest.raises(RequestError, match=r"absent\.toml: there is no such recipe"):
+        recipes.asked_for(["absent.toml"])
+    with pytest.raises(RequestError, match="run impulse-study alone"):
+        recipes.asked_for(["impulse-study", "case3"])
 
 
 @pytest.mark.parametrize("name", recipes.names())
 def test_the_recipes_of_the_package_ask_for_what_there_is(name: str, small_scene) -> None:
     """Cases, presets, engines, settings and quantities exist."""
-    recipe = recipes.load(recipes.find(name))
-    request = recipe.request(Path("runs"))
-    for choice in parse_engines(request.engines or ""):
-        registry.engine(choice.engine).settings(small_scene(), recipe.division, choice.overrides)
+    recipe = recipes.load(recipes.asked_for([name]) or Path())
+    for block, request in recipe.requests(Path("runs")):
+        for choice in parse_engines(request.engines or ""):
+            registry.engine(choice.engine).settings(small_scene(), block.division, choice.overrides)
+        for text in request.what:
+            case, parameters = parse_case(text)
+            case.check(parameters, request.preset or "quick")
     if recipe.page is not None:
-        assert {*recipe.page.quantities, *recipe.page.errors} <= set(QUANTITIES)
-    for text in recipe.cases:
-        case, parameters = parse_case(text)
-        case.check(parameters, recipe.preset or "quick")
+        assert {*recipe.page.quantities, *recipe.page.costs} <= set(QUANTITIES)
 
 
 @pytest.fixture
@@ -97,7 +160,7 @@ def command(standin, small_scene, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     save_scene(small_scene(observables=(Overlap(name="overlap", interval=2e-3),)), Path("small.json"))
     Path("small.toml").write_text(SMALL)
-    return lambda *words: CliRunner().invoke(app, ["recipe", *words])
+    return lambda *words: CliRunner().invoke(app, ["run", *words])
 
 
 def test_the_command_carries_a_recipe_out(command) -> None:
@@ -109,9 +172,25 @@ def test_the_command_carries_a_recipe_out(command) -> None:
         "standin[spoil=b,dt=0.0001]",
         "standin-coarse",
     ]
-    assert Path(told["report"]) == Path("runs/small/small.html") and Path(told["report"]).exists()
-    assert len(find_runs(Path("runs/small"))) == 3
+    assert Path(told["report"]) == Path("runs/small.html") and Path(told["report"]).exists()
+    assert {run.spec.division for run in find_runs(Path("runs"))} == {"closed", "open"}
     assert {run["action"] for run in json.loads(command("small.toml", "--json").stdout)["runs"]} == {"reuse"}
+    assert [run["action"] for run in json.loads(command("small.toml", "--fresh", "--json").stdout)["runs"]] == [
+        "run"
+    ] * 3
+
+
+def test_plan_shows_the_runs_of_a_recipe_and_engines_chooses_among_them(command) -> None:
+    planned = CliRunner().invoke(app, ["plan", "small.toml", "--engines", "standin-coarse", "--json"])
+    assert [(run["engine"], run["division"]) for run in json.loads(planned.stdout)] == [("standin-coarse", "open")]
+    refused = command("small.toml", "--engines", "standin-picky")
+    assert refused.exit_code == 2 and "the recipe has no engine 'standin-picky'" in refused.output
+
+
+def test_a_run_that_two_blocks_ask_for_is_made_once(command) -> None:
+    block = '[[runs]]\nengines = ["standin"]\n'
+    Path("twice.toml").write_text(f'title = "t"\ncases = ["small.json"]\n{block}{block}')
+    assert len(json.loads(command("twice.toml", "--json").stdout)["runs"]) == 1
 
 
 def test_a_run_that_fails_is_code_1_and_a_wrong_recipe_code_2(command) -> None:

@@ -20,7 +20,6 @@ for verb in (
     run.plan,
     run.write,
     run.timestep,
-    run.recipe,
     verify.verify,
     results.report,
     results.validate,

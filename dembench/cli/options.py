@@ -11,7 +11,6 @@ from typing import Annotated, Any, Literal
 import typer
 
 from dembench import campaign, console
-from dembench.campaign import Request
 from dembench.cases.base import CaseError
 from dembench.engines.base import SettingsError
 from dembench.engines.registry import UnknownEngine
@@ -19,15 +18,24 @@ from dembench.runs.plan import RequestError
 from dembench.scene import SceneError
 from dembench.verification.suites import UnknownSuite
 
-What = Annotated[list[str], typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")]
+What = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="WHAT", help="cases as case3[bed=25k], scene files *.json, or one recipe: its name or a file *.toml"
+    ),
+]
+OneScene = Annotated[str, typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")]
 Engines = Annotated[str | None, typer.Option(help="a,b[dt=1e-6,...]; default: all that are installed")]
 PresetName = Annotated[Literal["quick", "published"] | None, typer.Option(help="default: quick")]
 Initial = Annotated[Path | None, typer.Option(help="file or directory with the published initial state")]
-Seeds = Annotated[str, typer.Option(help="seeds of generated initial states, as 1,2,3")]
-Repeat = Annotated[int, typer.Option(min=1, max=1000, help="timing samples of each run")]
+Seeds = Annotated[str | None, typer.Option(help="seeds of initial states, as 1,2,3; default: 0")]
+Repeat = Annotated[int | None, typer.Option(min=1, max=1000, help="timing samples of each run; default: 1")]
 Time = Annotated[str | None, typer.Option(help="cut the simulated time, as 0.04")]
-Timeout = Annotated[str, typer.Option(help="time limit of each run, as 45s, 30m, 2h")]
-DivisionName = Annotated[Literal["closed", "open"], typer.Option(help="same law and step, or each engine's best way")]
+Timeout = Annotated[str | None, typer.Option(help="time limit of each run, as 45s, 30m, 2h; default: 6h")]
+DivisionName = Annotated[
+    Literal["closed", "open"] | None,
+    typer.Option(help="same law and step, or each engine's best way; default: closed"),
+]
 Out = Annotated[Path, typer.Option(help="directory of the runs")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="run finished runs again")]
 Json = Annotated[bool, typer.Option("--json", help="print JSON")]
@@ -43,20 +51,31 @@ def usage_errors() -> Iterator[None]:
         raise typer.Exit(2) from None
 
 
-def requested(what, engines, preset, initial, seeds, repeat, time, timeout, division, out) -> Request:
-    """The request that the options of a verb stand for; RequestError where a text is no time or no list of seeds."""
-    return Request(
-        what=tuple(what),
-        engines=engines,
-        preset=preset,
-        initial=initial,
-        seeds=campaign.whole_numbers(seeds),
-        repeats=repeat,
-        time=campaign.seconds(time) if time is not None else None,
-        timeout=campaign.seconds(timeout),
-        division=division,
-        out=out,
-    )
+def given(
+    *,
+    initial: Path | None = None,
+    preset: str | None = None,
+    division: str | None = None,
+    seeds: str | None = None,
+    repeat: int | None = None,
+    time: str | None = None,
+    timeout: str | None = None,
+) -> dict[str, Any]:
+    """The fields of `Request` that options give; what was not typed is left out.
+
+    Raises:
+        RequestError: A text is no time or no list of seeds.
+    """
+    fields = {
+        "initial": initial,
+        "preset": preset,
+        "division": division,
+        "seeds": campaign.whole_numbers(seeds) if seeds is not None else None,
+        "repeats": repeat,
+        "time": campaign.seconds(time) if time is not None else None,
+        "timeout": campaign.seconds(timeout) if timeout is not None else None,
+    }
+    return {name: value for name, value in fields.items() if value is not None}
 
 
 def print_json(data: Any) -> None:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import typer
 
-from dembench import campaign, console, recipes
+from dembench import campaign, console
 from dembench.campaign import Request
+from dembench.cli.asked import asked, conclude
 from dembench.cli.options import (
     DivisionName,
     Engines,
     Fresh,
     Initial,
     Json,
+    OneScene,
     Out,
     PresetName,
     Repeat,
@@ -22,18 +25,15 @@ from dembench.cli.options import (
     Time,
     Timeout,
     What,
+    given,
     print_json,
-    requested,
     usage_errors,
 )
-from dembench.cli.results import write_report
 from dembench.engines import registry
 from dembench.engines.base import Division
-from dembench.recipes import Recipe
-from dembench.runs.directory import RunRecord
 from dembench.runs.plan import PlannedRun, RequestError, parse_engines
 from dembench.runs.scheduler import Job
-from dembench.runs.supervise import CHECKPOINT, command_line
+from dembench.runs.supervise import CHECKPOINT
 from dembench.scene import Rigid
 
 
@@ -42,37 +42,47 @@ def run(
     engines: Engines = None,
     preset: PresetName = None,
     initial: Initial = None,
-    seeds: Seeds = "0",
-    repeat: Repeat = 1,
+    seeds: Seeds = None,
+    repeat: Repeat = None,
     time: Time = None,
-    timeout: Timeout = "6h",
+    timeout: Timeout = None,
     jobs: Annotated[int, typer.Option(min=1, help="runs at a time; they never share a core")] = 1,
-    division: DivisionName = "closed",
+    division: DivisionName = None,
     out: Out = Path("runs"),
     fresh: Fresh = False,
     report: Annotated[bool, typer.Option(help="write the report at the end")] = True,
     checkpoint: Annotated[float, typer.Option(min=0.1, help="seconds between partial results")] = CHECKPOINT,
     json_: Json = False,
 ) -> None:
-    """Runs cases or scene files on engines, scores them and writes the report.
+    """Runs cases, scene files or a recipe on engines, scores them and writes the report.
 
-    Finished runs are reused. Exit code 0: every run is ok; 1: one is not; 2: a usage error.
+    Finished runs are reused. What is typed replaces what a recipe says; of its engines `--engines` names those to run.
+    Exit code 0: every run is ok, or of a recipe has come to its end, accurate or not; 1: one is not, or a curve of a
+    recipe stays flat where it must not; 2: a usage error.
     """
     with usage_errors():
-        request = requested(what, engines, preset, initial, seeds, repeat, time, timeout, division, out)
+        options = given(
+            initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
+        )
+        chosen = asked(what, engines, out, options)
         with console.bar(json_) as progress:
-            runs = campaign.planned(request, progress)
+            planned = campaign.planned(chosen.requests, progress)
+    runs = _each_once(planned)
     if not json_:
-        _say_what_runs(request, runs)
+        _say_what_runs(chosen.requests, runs)
     with console.Display(quiet=json_) as display:
         done = campaign.carry_out(runs, at_once=jobs, fresh=fresh, checkpoint=checkpoint, show=display.update)
-    page = write_report(out, out / "report.html") if report else None
+    end = conclude(chosen, planned, report)
     if json_:
-        print_json({"runs": [_ended(job) for job in done], "report": str(page) if page else None})
-    elif page is not None:
-        console.line(str(page))
-    ok = all(job.status is not None and job.status.state == "ok" for job in done)
-    raise typer.Exit(0 if ok and (page is not None or not report) else 1)
+        told = {"runs": [_ended(job) for job in done], "report": str(end.page) if end.page else None}
+        print_json(told if end.findings is None else {**told, "sensitivity": [f.plain() for f in end.findings]})
+    else:
+        for finding in end.findings or ():
+            console.line(finding.sentence(), None if finding.varies else "yellow")
+        if end.page is not None:
+            console.line(str(end.page))
+    ended = all(job.status is not None and job.status.state in chosen.accepted for job in done)
+    raise typer.Exit(0 if ended and end.ok else 1)
 
 
 def plan(
@@ -80,25 +90,28 @@ def plan(
     engines: Engines = None,
     preset: PresetName = None,
     initial: Initial = None,
-    seeds: Seeds = "0",
-    repeat: Repeat = 1,
+    seeds: Seeds = None,
+    repeat: Repeat = None,
     time: Time = None,
-    timeout: Timeout = "6h",
-    division: DivisionName = "closed",
+    timeout: Timeout = None,
+    division: DivisionName = None,
     out: Out = Path("runs"),
     fresh: Fresh = False,
     json_: Json = False,
 ) -> None:
     """Shows what `run` would do: each run with its hash, whether it is reused, and its estimated time."""
     with usage_errors():
-        request = requested(what, engines, preset, initial, seeds, repeat, time, timeout, division, out)
+        options = given(
+            initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
+        )
+        chosen = asked(what, engines, out, options)
         with console.bar(json_) as progress:
-            runs = campaign.planned(request, progress)
+            runs = _each_once(campaign.planned(chosen.requests, progress))
     rows = console.plan_rows(runs, fresh)
     if json_:
         print_json(rows)
         return
-    _say_what_runs(request, runs)
+    _say_what_runs(chosen.requests, runs)
     console.table(
         ("run", "engine", "repeat", "cores", "action", "estimate", "before"),
         [
@@ -117,19 +130,19 @@ def plan(
 
 
 def write(
-    what: Annotated[str, typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")],
+    what: OneScene,
     engine: Annotated[str, typer.Option(help="a, or a[dt=1e-6,...]")],
     output: Annotated[Path, typer.Option("--output", "-o", help="new or empty directory")],
     preset: PresetName = None,
     initial: Initial = None,
-    seeds: Seeds = "0",
+    seeds: Seeds = None,
     time: Time = None,
     division: DivisionName = "closed",
     json_: Json = False,
 ) -> None:
     """Writes a clean, runnable deck for one engine."""
     with usage_errors():
-        request = requested([what], engine, preset, initial, seeds, 1, time, "6h", division, output)
+        request = Request(what=(what,), **given(initial=initial, preset=preset, seeds=seeds, time=time))
         choices = parse_engines(engine)
         if len(choices) != 1 or len(request.seeds) != 1:
             raise RequestError("a deck is for one engine and one seed")
@@ -140,7 +153,7 @@ def write(
         chosen = registry.engine(choices[0].engine)
         if refused := chosen.unsupported(scene):
             raise RequestError(f"{chosen.name} cannot do this scene: {'; '.join(refused)}")
-        settings = chosen.settings(scene, division, choices[0].overrides)
+        settings = chosen.settings(scene, division or "closed", choices[0].overrides)
     output.mkdir(parents=True, exist_ok=True)
     phases = chosen.write(scene, settings, output)
     if json_:
@@ -153,11 +166,11 @@ def write(
 
 
 def timestep(
-    what: Annotated[str, typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")],
+    what: OneScene,
     engine: Annotated[str, typer.Option(help="a,b[dt=1e-6,...]: engines to forecast")] = registry.EXPLICIT,
     preset: PresetName = None,
     initial: Initial = None,
-    seeds: Seeds = "0",
+    seeds: Seeds = None,
     time: Time = None,
     json_: Json = False,
 ) -> None:
@@ -168,7 +181,7 @@ def timestep(
     from dembench.solver.timestep import choose_step
 
     with usage_errors():
-        request = requested([what], engine, preset, initial, seeds, 1, time, "6h", "closed", Path())
+        request = Request(what=(what,), **given(initial=initial, preset=preset, seeds=seeds, time=time))
         choices = parse_engines(engine)
         with console.bar(json_) as progress:
             scene = campaign.build_scenes(request, progress)[0].scene
@@ -206,67 +219,17 @@ def timestep(
     )
 
 
-def recipe(
-    what: Annotated[str, typer.Argument(metavar="NAME_OR_FILE", help="recipe that travels with dembench, or *.toml")],
-    preset: PresetName = None,
-    initial: Initial = None,
-    seeds: Annotated[str | None, typer.Option(help="seeds instead of the recipe's, as 1,2,3")] = None,
-    time: Time = None,
-    timeout: Annotated[str | None, typer.Option(help="time limit of each run instead of the recipe's")] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="runs at a time; they never share a core")] = 1,
-    out: Annotated[Path | None, typer.Option(help="directory of the runs and the page; default: runs/NAME")] = None,
-    fresh: Fresh = False,
-    json_: Json = False,
-) -> None:
-    """Carries out a campaign that a TOML file describes, and writes its page.
-
-    Exit code 0: every run came to its end, accurate or not; 1: one did not; 2: a usage error.
-    """
-    with usage_errors():
-        file = recipes.find(what)
-        chosen, out = recipes.load(file), out or Path("runs") / file.stem
-        request = chosen.request(
-            out,
-            initial,
-            preset=preset,
-            seeds=campaign.whole_numbers(seeds) if seeds else None,
-            time=campaign.seconds(time) if time else None,
-            timeout=campaign.seconds(timeout) if timeout else None,
-        )
-        with console.bar(json_) as progress:
-            runs = campaign.planned(request, progress)
-    with console.Display(quiet=json_) as display:
-        done = campaign.carry_out(runs, at_once=jobs, fresh=fresh, show=display.update)
-    page = _write_recipe_page(chosen, runs, out / f"{file.stem}.html")
-    if json_:
-        print_json({"runs": [_ended(job) for job in done], "report": str(page) if page else None})
-    elif page is not None:
-        console.line(str(page))
-    ended = all(job.status is not None and job.status.state in ("ok", "inaccurate") for job in done)
-    raise typer.Exit(0 if ended and page is not None else 1)
+def _each_once(blocks: Sequence[Sequence[PlannedRun]]) -> list[PlannedRun]:
+    return list({run.directory.path: run for runs in blocks for run in runs}.values())
 
 
-def _say_what_runs(request: Request, runs: list[PlannedRun]) -> None:
+def _say_what_runs(requests: Sequence[Request], runs: Sequence[PlannedRun]) -> None:
     """The first line: which preset, how long a run takes, how to get the published one."""
-    if not request.is_quick_unasked():
+    if not all(request.is_quick_unasked() for request in requests):
         return
     estimates = {run.spec.label(): run.spec.estimate for run in runs}
     times = ", ".join(f"{label} {console.duration(value)}" for label, value in estimates.items())
     console.line(f"preset quick, as none was given; estimated time per run: {times}; as published: --preset published")
-
-
-def _write_recipe_page(recipe: Recipe, runs: list[PlannedRun], output: Path) -> Path | None:
-    """Writes the page that a recipe asks for, about its own runs."""
-    from dembench.reports import report, study
-
-    records = [RunRecord(run.directory.path) for run in runs if run.directory.status() is not None]
-    try:
-        if recipe.page is None:
-            return report.render(records, output, recipe.title)
-        return study.render(recipe, recipe.page, records, output, command_line())
-    except Exception as error:
-        console.error(f"the page could not be written: {type(error).__name__}: {error}")
-        return None
 
 
 def _ended(job: Job) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from dembench import campaign, console
-from dembench.cli.options import Engines, Fresh, Json, Timeout, print_json, usage_errors
+from dembench.cli.options import Engines, Fresh, Json, print_json, usage_errors
 from dembench.runs.environment import available_cores
 from dembench.runs.plan import PlannedRun, split_list
 from dembench.verification import campaign as verification
@@ -19,7 +19,7 @@ from dembench.verification.checks import Row, Suite
 def verify(
     suite: Annotated[str, typer.Option(help="suites, as a,b; default: all")] = "",
     engines: Engines = None,
-    timeout: Timeout = "10m",
+    timeout: Annotated[str, typer.Option(help="time limit of each run, as 45s, 30m, 2h")] = "10m",
     jobs: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one per core")] = None,
     out: Annotated[Path, typer.Option(help="directory of the runs and the pages")] = Path("runs/verify"),
     fresh: Fresh = False,

@@ -205,7 +205,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Group:
-    """The runs of one problem in one division.
+    """The runs of one problem, in one division unless both were gathered together.
 
     Attributes:
         name: Identifier on the page.
@@ -231,11 +231,20 @@ class Group:
         return min((m.loop for m in self.members if m.loop is not None and m.state in RANKED), default=None)
 
 
-def gather(records: Iterable[RunRecord]) -> list[Group]:
-    """Runs by problem and division: same case, preset, division and scene; seeds of one case are kept together."""
-    entries = sorted((Entry(record) for record in records), key=_problem)
+def gather(records: Iterable[RunRecord], by_division: bool = True) -> list[Group]:
+    """Runs by problem: same case, preset and scene; seeds of one case are kept together.
+
+    Args:
+        records: The runs.
+        by_division: Whether the divisions are kept apart, as where times are ranked.
+    """
+
+    def problem(entry: Entry) -> tuple[str, ...]:
+        return (*_problem(entry), entry.spec.division if by_division else "")
+
+    entries = sorted((Entry(record) for record in records), key=problem)
     groups: list[Group] = []
-    for _, same in groupby(entries, key=_problem):
+    for _, same in groupby(entries, key=problem):
         for parted in _by_scene(list(same)):
             groups.append(_group(f"scene{len(groups) + 1}", parted))
     return groups
@@ -244,7 +253,7 @@ def gather(records: Iterable[RunRecord]) -> list[Group]:
 def _problem(entry: Entry) -> tuple[str, ...]:
     spec = entry.spec
     scene = spec.scene_name if spec.preset is None else ""
-    return (spec.case, spec.preset or "", spec.division, f"{spec.duration:.9g}", str(spec.bodies), scene)
+    return (spec.case, spec.preset or "", f"{spec.duration:.9g}", str(spec.bodies), scene)
 
 
 def _by_scene(entries: list[Entry]) -> list[list[Entry]]:
@@ -275,13 +284,17 @@ def _order(entry: Entry) -> tuple[Any, ...]:
 
 def _sample(entry: Entry) -> tuple[Any, ...]:
     spec = entry.spec
-    return (spec.engine, spec.engine_version, repr(sorted(spec.settings.items())), spec.seed, spec.scene_digest)
+    settings = repr(sorted(spec.settings.items()))
+    return (spec.engine, spec.engine_version, settings, spec.division, spec.seed, spec.scene_digest)
 
 
 def _labels(entries: Sequence[Entry]) -> list[str]:
-    """The engine with the settings that were typed, and the seed and version where these differ."""
-    seeds = len({e.spec.seed for e in entries}) > 1
-    found = [e.spec.label() + (f", seed {e.spec.seed}" if seeds else "") for e in entries]
+    """The engine with the settings that were typed, and the division, seed and version where these differ."""
+    divisions, seeds = len({e.spec.division for e in entries}) > 1, len({e.spec.seed for e in entries}) > 1
+    found = [
+        e.spec.label() + (f", {e.spec.division}" if divisions else "") + (f", seed {e.spec.seed}" if seeds else "")
+        for e in entries
+    ]
     if len(set(found)) < len(found):
         found = [f"{text}, version {e.spec.engine_version}" for text, e in zip(found, entries, strict=True)]
     if len(set(found)) < len(found):

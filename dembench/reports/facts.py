@@ -53,6 +53,8 @@ def scene_facts(group: Group) -> Facts:
 
 
 def _division(group: Group) -> str:
+    if len({e.spec.division for e in group.entries}) > 1:
+        return "closed (the scene's law and time step) and open (each engine's best way), as the runs are named"
     spec, scene = group.first.spec, group.first.scene
     if spec.division != "closed":
         return f"{spec.division}: each engine's best way, behind the same accuracy gate"

@@ -77,6 +77,7 @@ class Line:
         cut_short: Whether the run ended before its time; its last point is marked.
         points: Whether it is drawn as points, without a line between them.
         names: Text beside each point; empty for none.
+        low, high: Range at each point, drawn as bars, shape (n,), or None.
     """
 
     label: str
@@ -87,6 +88,8 @@ class Line:
     cut_short: bool = False
     points: bool = False
     names: tuple[str, ...] = ()
+    low: np.ndarray | None = None
+    high: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,7 @@ class Plot:
         panels: From top to bottom.
         command: What reproduces it.
         log_x: Whether the horizontal axis is logarithmic.
+        x_names: Words in the place of the numbers 0, 1, 2, ... of the horizontal axis; empty for numbers.
     """
 
     name: str
@@ -138,6 +142,7 @@ class Plot:
     panels: tuple[Panel, ...]
     command: str
     log_x: bool = False
+    x_names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -188,6 +193,8 @@ def _drawn(plot: Plot, width: float) -> tuple[Figure, list[dict[str, float]]]:
     axes = np.atleast_1d(figure.subplots(count, 1, sharex=True))
     for panel, ax in zip(plot.panels, axes, strict=True):
         _fill(ax, panel, width, plot.log_x)
+    if plot.x_names:
+        axes[-1].set_xticks(range(len(plot.x_names)), plot.x_names)
     axes[-1].set_xlabel(plot.x_label)
     figure.legend(handles=labels, loc="outside upper left", ncols=columns, handlelength=3.2, columnspacing=1.4)
     figure.align_ylabels(list(axes))
@@ -219,6 +226,9 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
     for line, linewidth in zip(panel.lines, widths, strict=True):
         y = np.where(line.y > 0, line.y, np.nan) if logarithmic else line.y
         ax.plot(line.x, y, color=line.colour, linewidth=linewidth, **_pattern(line, len(line.x)))
+        if line.low is not None and line.high is not None:
+            ends_of_bars = np.abs(np.array([y - line.low, line.high - y]))
+            ax.errorbar(line.x, y, yerr=ends_of_bars, fmt="none", ecolor=line.colour, elinewidth=1.0, capsize=2.5)
         for name, x, value in zip(line.names, line.x, y, strict=False):
             ax.annotate(name, (x, value), xytext=(4, 3), textcoords="offset points", fontsize=6.5)
         shown = np.flatnonzero(np.isfinite(y))
@@ -348,7 +358,16 @@ def _place(ax: Axes) -> dict[str, float]:
 
 
 def _values(panel: Panel) -> dict[str, Any]:
-    lines = [{"label": n.label, "colour": n.colour, "x": numbers(n.x), "y": numbers(n.y)} for n in panel.lines]
+    lines = [
+        {
+            "label": n.label,
+            "colour": n.colour,
+            "x": numbers(n.x),
+            "y": numbers(n.y),
+            **({"low": numbers(n.low), "high": numbers(n.high)} if n.low is not None else {}),
+        }
+        for n in panel.lines
+    ]
     known = [
         {"label": k.label, "x": numbers(k.x), "y": numbers(k.y), "low": numbers(k.low), "high": numbers(k.high)}
         for k in panel.known

@@ -19,7 +19,7 @@ def test_compliant_rows_follow_explicit_springs(tmp_path: Path) -> None:
 
     Substeps that are too long for the stiffness may fail; their rows say so.
     """
-    words = ["recipe", "impulse-study", "--preset", "quick", "--out", str(tmp_path), "--json"]
+    words = ["run", "impulse-study", "--preset", "quick", "--out", str(tmp_path), "--json"]
     page = Page(Path(json.loads(CliRunner().invoke(app, words).stdout)["report"]).read_text())
     head, *rows = page.tables["scene1-variants"]
     column = next(k for k, cell in enumerate(head) if cell.text.startswith("Displacement at 27 ms"))

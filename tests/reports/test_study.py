@@ -9,26 +9,29 @@ import pytest
 from reading import Page
 from synthetic import add_run, impact, registered, series
 
-from dembench.recipes import Recipe, StudyPage
+from dembench.recipes import Page as Shown
+from dembench.recipes import Recipe
 from dembench.reports import study
+from dembench.reports.variants import problems
 from dembench.runs.directory import find_runs
 
+PAGE = Shown(
+    curves=("ball_displacement",),
+    start=0.02,
+    quantities=("deepest", "deepest_time", "speed_35ms", "energy_rise"),
+    costs=("deepest", "speed_35ms"),
+)
 RECIPE = Recipe(
     title="A study",
     text="What it is about.",
     cases=("case3[bed=25k]",),
     preset="published",
-    variants=(
-        {"engine": "beta", "title": "sweeps", "settings": {"sweeps": [8, 32]}},
-        {"engine": "gamma", "title": "substeps", "settings": {"substeps": [1, 2]}},
-    ),
-    references=({"engine": "alpha"},),
-)
-PAGE = StudyPage(
-    curves=("ball_displacement",),
-    start=0.02,
-    quantities=("deepest", "deepest_time", "speed_35ms", "energy_rise"),
-    errors=("deepest", "speed_35ms"),
+    runs=[
+        {"engines": ["beta"], "title": "sweeps", "settings": {"sweeps": [8, 32]}, "division": "open"},
+        {"engines": ["gamma"], "title": "substeps", "settings": {"substeps": [1, 2]}},
+        {"engines": ["alpha"], "reference": True},
+    ],
+    page=PAGE,
 )
 
 
@@ -41,11 +44,15 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> Page:
 def _page(tmp_path: Path) -> Page:
     scene = impact()
     add_run(tmp_path, scene, "alpha", observables=series(scene, -0.1380, 2.4), loop=900.0)
-    add_run(tmp_path, scene, "beta", observables=series(scene, -0.1400, 1.0), loop=40.0, overrides={"sweeps": "8"})
-    add_run(tmp_path, scene, "beta", observables=series(scene, -0.1390, 1.4), loop=80.0, overrides={"sweeps": "32"})
+    for sweeps, deepest, loop in (("8", -0.1400, 40.0), ("32", -0.1390, 80.0)):
+        rebound = series(scene, deepest, 1.0)
+        chosen = {"overrides": {"sweeps": sweeps}, "division": "open"}
+        add_run(tmp_path, scene, "beta", observables=rebound, loop=loop, **chosen)
     add_run(tmp_path, scene, "gamma", observables=series(scene, -0.1382, 2.2), loop=60.0, overrides={"substeps": "1"})
     add_run(tmp_path, scene, "gamma", "failed", reason="nan", detail="no number", overrides={"substeps": "2"})
-    page = study.render(RECIPE, PAGE, find_runs(tmp_path), tmp_path / "study.html", "dembench recipe a-study")
+    runs = find_runs(tmp_path)
+    found = problems([(block, [r for r in runs if r.spec.engine in block.engines]) for block in RECIPE.runs])
+    page = study.render(RECIPE, PAGE, found, [], tmp_path / "study.html", "dembench run a-study")
     return Page(page.read_text())
 
 
@@ -89,5 +96,5 @@ def test_curves_stand_in_one_panel_per_family_with_the_band_of_the_references(re
 
 def test_what_failed_is_listed_and_the_command_is_given(read: Page) -> None:
     text = "".join(read.text)
-    assert "no number" in text and "dembench recipe a-study" in text
+    assert "no number" in text and "dembench run a-study" in text
     assert "5 runs: " in text and "1 failed" in text
