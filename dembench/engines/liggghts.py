@@ -26,41 +26,29 @@ showed it: with a rebuild in between it ended as a run started afresh, without o
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 import re
 import shutil
 import subprocess
-from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
-import jinja2
 import numpy as np
 from pydantic import Field
 
-from dembench.engines.base import Division, Engine, EngineSettings, Phase, Probe, Series, Timing
-from dembench.engines.liggghts_output import (
-    counters_in,
-    every_of,
-    failure_in,
-    last_step,
-    loop_time,
-    read_frames,
-    read_tracks,
-    steps_of,
-)
-from dembench.engines.liggghts_walls import AXES, materials_of, motion_of, type_of, walls, write_stl
-from dembench.scene import HertzMindlin, Scene, Sdf, WallForce, features
+from dembench.engines.base import Checkpoint, Division, Engine, EngineSettings, Phase, Probe, Series, Timing
+from dembench.engines.liggghts_axes import renamed
+from dembench.engines.liggghts_deck import box, deck, legs, write_bodies
+from dembench.engines.liggghts_log import failure_in, last_step, timing_in
+from dembench.engines.liggghts_output import FRAMES, Launch, launches, read_frames, read_tracks, remove_frames, steps_of
+from dembench.engines.liggghts_round import sides_for
+from dembench.engines.liggghts_walls import Walls, materials_of, motion_of, walls, write_stl
+from dembench.scene import HertzMindlin, Scene, Sdf, features
 from dembench.scene.base import Positive
 
-DECK = "in.liggghts"
-LOG = "log.liggghts"
-"""Where the program writes its log without being asked."""
-SOFT_YOUNG, HARD_YOUNG = 5e6, 1e9
 LOWEST_RESTITUTION = 0.05
-IDS_PER_LINE = 1000
-SEGMENTS = 100
+EXCESS = 0.01
+"""Share of the domain by which triangles may reach out of it [-]: a polygon about a round wall does."""
 PARTICLE_STEPS_PER_SECOND = 2.4e6
 """Throughput of one rank on which run-time estimates are based."""
 LARGE_RATIO = 3.0
@@ -76,13 +64,17 @@ class LiggghtsSettings(EngineSettings):
         bin_size: Edge of the cells of the neighbour search [m]; None: half the largest cutoff.
         sort_size: Edge of the cells by which particles are sorted in memory [m]; None: as above.
         segments: Sides of the polygon that stands for a round wall where no exact primitive exists.
+        sink_interval: Simulated time between two removals of the bodies in sinks [s].
+        checkpoint: Wall time between two checkpoints, as far as it can be foreseen [s].
     """
 
     ranks: Annotated[int, Field(ge=1)] = 1
     skin: Positive
     bin_size: Positive | None = None
     sort_size: Positive | None = None
-    segments: Annotated[int, Field(ge=8)] = SEGMENTS
+    segments: Annotated[int, Field(ge=8)] = 100
+    sink_interval: Positive = 1e-3
+    checkpoint: Positive = 240.0
 
     def cores(self) -> int:
         """See `EngineSettings.cores`."""
@@ -124,7 +116,9 @@ class Liggghts(Engine):
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
         law = scene.law
-        faults = [] if len(scene.bodies) else ["a scene without bodies"]
+        if not len(scene.bodies):
+            return ["a scene without bodies"]
+        faults: list[str] = []
         if not isinstance(law, HertzMindlin):
             faults.append(f"contact law {law.kind}")
         elif law.variant != "reference":
@@ -136,20 +130,25 @@ class Liggghts(Engine):
             if material.poisson < 0:
                 faults.append(f"Poisson's ratio {material.poisson:g} of {material.name}: it must not be negative")
         present = features(scene)
-        faults += ["rolling friction"] * present.rolling_friction + ["sinks"] * present.sinks
+        faults += ["rolling friction"] * present.rolling_friction
         faults += ["particles that are no spheres"] * present.shapes
         faults += [f"constraint {kind}" for kind in sorted({c.kind for c in scene.constraints} - {"fixed"})]
-        faults += [f"wall force (observable {o.name})" for o in scene.observables if isinstance(o, WallForce)]
         for wall in scene.walls:
             if wall.motion is not None and motion_of(wall.motion) is None:
                 faults.append(f"motion of wall {wall.name}: either a rotation or a translation of the whole wall")
             if isinstance(wall, Sdf):
                 faults.append(f"wall {wall.name}: a signed distance on a grid")
-        for surface in walls(scene, SEGMENTS)[1]:
+        for surface in walls(scene, sides_for(scene)).surfaces:
             low, high = surface.triangles.min(axis=(0, 1)), surface.triangles.max(axis=(0, 1))
-            if (low < scene.domain.lower).any() or (high > scene.domain.upper).any():
-                faults.append(f"triangles of {surface.id} reach out of the domain")
+            size = np.subtract(scene.domain.upper, scene.domain.lower)
+            if (scene.domain.lower - low > EXCESS * size).any() or (high - scene.domain.upper > EXCESS * size).any():
+                faults.append(f"wall {surface.wall} reaches out of the domain")
         return faults
+
+    def law(self, scene: Scene, settings: LiggghtsSettings) -> str:
+        """See `Engine.law`: names the round walls that are polygons."""
+        polygons = walls(scene, settings.segments).polygons
+        return f"{' and '.join(polygons)} with {settings.segments} flat sides" if polygons else ""
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
         """See `Engine.defaults`: in the open division a tenth of the Rayleigh time; neighbour settings as measured."""
@@ -159,46 +158,75 @@ class Liggghts(Engine):
             factors = {"skin": 0.8, "bin_size": 4.0, "sort_size": 2.5}
         else:
             factors = {"skin": 0.4}
-        return {"dt": step} | {key: float(f"{factor * smallest:.6g}") for key, factor in factors.items()}
+        lengths = {key: float(f"{factor * smallest:.6g}") for key, factor in factors.items()}
+        return {"dt": step, "segments": sides_for(scene), **lengths}
 
     # ---- writing
 
     def write(self, scene: Scene, settings: LiggghtsSettings, directory: Path) -> list[Phase]:
         """See `Engine.write`: in.liggghts, bodies.data, one STL file per mesh wall, an empty directory `frames`."""
-        primitives, surfaces = walls(scene, settings.segments)
-        for surface in surfaces:
+        own = renamed(scene)
+        parts = walls(own, settings.segments)
+        for surface in parts.surfaces:
             write_stl(directory / f"{surface.id}.stl", surface.triangles)
-        _write_bodies(scene, directory / "bodies.data")
-        (directory / "frames").mkdir(exist_ok=True)
+        write_bodies(own, box(own, settings, parts), directory / "bodies.data")
+        (directory / FRAMES).mkdir(exist_ok=True)
+        return self._launch(own, settings, directory, parts, Launch())
+
+    def checkpoint(self, scene: Scene, settings: LiggghtsSettings, directory: Path) -> Checkpoint | None:
+        """See `Engine.checkpoint`: a checkpoint has its name only once it is whole."""
+        steps = [int(path.name.split(".")[1]) for path in directory.glob("checkpoint.*.restart")]
+        return Checkpoint(max(steps), max(steps) * settings.dt) if steps else None
+
+    def resume(self, scene: Scene, settings: LiggghtsSettings, directory: Path) -> list[Phase] | None:
+        """See `Engine.resume`: a new launch with a script, a log and records of its own."""
+        found = self.checkpoint(scene, settings, directory)
+        if found is None:
+            return None
+        remove_frames(directory, found.step)
+        own = renamed(scene)
+        return self._launch(own, settings, directory, walls(own, settings.segments), Launch(found.step))
+
+    def _launch(
+        self, scene: Scene, settings: LiggghtsSettings, directory: Path, parts: Walls, launch: Launch
+    ) -> list[Phase]:
+        """Writes the script of a launch and says how to start it."""
         program = shutil.which(_wanted()) or "liggghts"
-        command = [program, "-in", DECK]
+        command = [program, "-in", launch.deck, "-log", launch.log]
         environment: dict[str, str] = {}
         if settings.ranks > 1:
             command = ["mpirun", "--bind-to", "none", "--oversubscribe", "-n", str(settings.ranks), *command]
             environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-        template = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True).from_string(
-            files("dembench.engines").joinpath("liggghts.in.j2").read_text()
-        )
         shown = " ".join(Path(part).name if part == program else part for part in command)
-        text = template.render(_deck(scene, settings), primitives=primitives, meshes=surfaces, launch=shown)
-        (directory / DECK).write_text(text)
+        throughput = PARTICLE_STEPS_PER_SECOND * settings.ranks
+        cut = legs(scene, settings, throughput, launch.start)
+        (directory / launch.deck).write_text(deck(scene, settings, parts, cut, launch, shown))
         return [Phase(name="simulate", command=tuple(command), environment=environment)]
 
     # ---- reading
 
     def read(self, scene: Scene, settings: LiggghtsSettings, directory: Path) -> Series:
         """See `Engine.read`: complete frames and tracks so far, the program's own timing, its errors."""
-        log = directory / LOG
-        text = log.read_text(errors="replace") if log.exists() else ""
-        frames = read_frames(scene, settings.dt, directory / "frames")
-        tracks = read_tracks(scene, settings.dt, directory / "tracks.bin")
-        failure, detail = failure_in(text)
-        loop = loop_time(text)
-        if failure is None and loop is not None and len(frames) < len(scene.frame_times()):
+        frames = read_frames(scene, settings.dt, directory)
+        tracks, gone = read_tracks(scene, settings.dt, directory)
+        last = steps_of(np.array([scene.duration]), settings.dt)[0]
+        loops: list[float | None] = []
+        counters: dict[str, float] = {}
+        text = ""
+        for launch, end in launches(directory):
+            path = directory / launch.log
+            text = path.read_text(errors="replace") if path.exists() else ""
+            loop, counted = timing_in(text, last if end is None else end)
+            loops.append(loop)
+            for name, value in counted.items():
+                counters[name] = value + (0.0 if name == "neighbours_per_body" else counters.get(name, 0.0))
+        failure, detail = ("lost particles", gone) if gone else failure_in(text)
+        reached = last_step(text)
+        ended = reached == last and loops[-1] is not None
+        if failure is None and ended and len(frames) < len(scene.frame_times()):
             failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
-        timing = Timing() if loop is None else Timing(loop=loop, source="engine")
-        time = last_step(text) * settings.dt
-        return Series(frames, tracks, timing, time, failure, detail, counters_in(text))
+        timing = Timing(loop=sum(filter(None, loops)), source="engine") if ended else Timing()
+        return Series(frames, tracks, timing, reached * settings.dt, failure, detail, counters)
 
     def estimate(self, scene: Scene, settings: LiggghtsSettings) -> float:
         """See `Engine.estimate`."""
@@ -221,68 +249,3 @@ def _package(path: str) -> str:
         return _output_of("dpkg-query", "-W", "-f", "${Package} ${Version}", name).strip() if name else ""
     except (OSError, subprocess.TimeoutExpired):
         return ""
-
-
-# ---- the deck
-
-
-def _deck(scene: Scene, settings: LiggghtsSettings) -> dict[str, Any]:
-    """Everything that the template needs apart from the walls."""
-    materials = materials_of(scene)
-    present = features(scene)
-    laws = {frozenset((p.a, p.b)): p for p in scene.pair_laws}
-    pairs = [laws.get(frozenset((a.name, b.name))) for a in materials for b in materials]
-    steps = steps_of(np.array([scene.duration]), settings.dt)[0]
-    held = sorted({b for c in scene.constraints for b in c.bodies})
-    magnitude = math.hypot(*scene.gravity)
-    tracks = steps_of(scene.track_times(), settings.dt)
-    return {
-        "scene": scene,
-        "count": len(scene.bodies),
-        "dt": settings.dt,
-        "steps": steps,
-        "skin": settings.skin,
-        "bin_size": settings.bin_size,
-        "sort_size": settings.sort_size,
-        "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
-        "grid": _grid(scene, settings.ranks) if settings.ranks > 1 else None,
-        "hard": any(m.young > HARD_YOUNG for m in materials),
-        "soft": any(m.young < SOFT_YOUNG for m in materials),
-        "materials": materials,
-        "restitution": [p.restitution if p else 1.0 for p in pairs],  # None: two materials that never touch
-        "friction": [p.friction if p else 0.0 for p in pairs],
-        "history": present.tangential_history,
-        "gravity": {"magnitude": magnitude, "direction": scene.gravity} if present.gravity else None,
-        "fixed": [[b + 1 for b in held[k : k + IDS_PER_LINE]] for k in range(0, len(held), IDS_PER_LINE)],
-        "thermo": max(1, steps // 200),
-        "frame_every": every_of(steps_of(scene.frame_times(), settings.dt), steps),
-        "tracked": [b + 1 for b in scene.tracked_bodies()],
-        "track_every": every_of(tracks, steps),
-    }
-
-
-def _grid(scene: Scene, ranks: int) -> tuple[int, int, int]:
-    """The division of the domain among ranks with the least cut surface through the bodies."""
-    spread = np.std(scene.bodies.position, axis=0) + scene.radii().mean()  # not the extent: a single ball would set it
-    faces = spread.prod() / spread
-    grids = [
-        (a, b, ranks // (a * b)) for a in range(1, ranks + 1) for b in range(1, ranks // a + 1) if ranks % (a * b) == 0
-    ]
-    return min(grids, key=lambda grid: (np.array(grid) - 1) @ faces)
-
-
-def _write_bodies(scene: Scene, path: Path) -> None:
-    bodies = scene.bodies
-    n = len(bodies)
-    still = np.isin(np.arange(n), [b for c in scene.constraints if c.kind == "fixed" for b in c.bodies])[:, None]
-    number = np.arange(1, n + 1)
-    types = np.array([type_of(scene, s.material) for s in scene.species])[bodies.species]
-    atoms = np.column_stack([number, types, 2 * scene.radii(), scene.densities(), bodies.position])
-    motion = np.column_stack([np.where(still, 0, bodies.velocity), np.where(still, 0, bodies.angular_velocity)])
-    box = [f"{lo!r} {hi!r} {a}lo {a}hi" for lo, hi, a in zip(scene.domain.lower, scene.domain.upper, AXES, strict=True)]
-    with open(path, "w") as stream:
-        stream.write(f"Initial state of {scene.name}\n\n{n} atoms\n{len(materials_of(scene))} atom types\n\n")
-        stream.write("\n".join(box) + "\n\nAtoms\n\n")
-        np.savetxt(stream, atoms, fmt="%d %d" + 5 * " %.17g")
-        stream.write("\nVelocities\n\n")
-        np.savetxt(stream, np.column_stack([number, motion]), fmt="%d" + 6 * " %.17g")

@@ -1,4 +1,8 @@
-"""What LIGGGHTS writes: binary dumps, one file per frame and one for all tracks, and its log."""
+"""What the launches of a LIGGGHTS run write: binary dumps, one file per frame and one for all tracks, wall forces.
+
+A run that was interrupted goes on in a new launch from a checkpoint. Frames have one name for all launches; everything
+else has files of its own for each launch, and what an earlier launch wrote after the start of the next does not count.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +10,65 @@ import math
 import re
 import struct
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from dembench.engines.base import Frame, FrameFiles, Tracks
-from dembench.scene import Scene
+from dembench.engines.liggghts_axes import as_given, renamed_by
+from dembench.scene import Scene, WallForce
 
 HEADER = struct.Struct("<qqi6i6dii")
 """Step, number of bodies, triclinic flag, 6 boundary flags, 6 bounds, values per body, number of chunks."""
 FRAME_COLUMNS = 10
 TRACK_COLUMNS = 7
+FRAMES = "frames"
+FIRST_FORCES = "forces.first.txt"
+"""Forces on walls after the first step."""
+
+
+@dataclass(frozen=True)
+class Launch:
+    """One start of the program, at step 0 or at that of a checkpoint, and the names of its files."""
+
+    start: int = 0
+
+    @property
+    def deck(self) -> str:
+        """Its script."""
+        return self._named("in", "liggghts")
+
+    @property
+    def log(self) -> str:
+        """Its log."""
+        return self._named("log", "liggghts")
+
+    @property
+    def tracks(self) -> str:
+        """Its record of the tracked bodies."""
+        return self._named("tracks", "bin")
+
+    @property
+    def forces(self) -> str:
+        """Its record of the forces on walls."""
+        return self._named("forces", "txt")
+
+    @property
+    def checkpoint(self) -> str:
+        """The checkpoint that it starts from."""
+        return f"checkpoint.{self.start}.restart"
+
+    def _named(self, name: str, kind: str) -> str:
+        return f"{name}.{self.start}.{kind}" if self.start else f"{name}.{kind}"
+
+
+def launches(directory: Path) -> list[tuple[Launch, int | None]]:
+    """The launches of a deck directory in their order, each with the step at which the next one took over, or None."""
+    found = (re.fullmatch(r"in\.(\d+)\.liggghts", path.name) for path in directory.glob("in.*.liggghts"))
+    starts = [0, *sorted(int(match[1]) for match in found if match)]
+    return [(Launch(start), end) for start, end in zip(starts, [*starts[1:], None], strict=True)]
 
 
 def steps_of(times: np.ndarray, dt: float) -> list[int]:
@@ -29,20 +81,51 @@ def every_of(steps: list[int], last: int) -> int:
     return math.gcd(*steps) or last
 
 
+def observed_walls(scene: Scene) -> list[str]:
+    """Names of the walls whose force is observed, each once."""
+    return list(dict.fromkeys(o.wall for o in scene.observables if isinstance(o, WallForce)))
+
+
+# ---- frames
+
+
 def read_frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:
     """The frames of a scene that are completely written so far."""
+    observed = observed_walls(scene)
+    forces = _read_forces(directory) if observed else {}
     known = []
     for step, time in zip(steps_of(scene.frame_times(), dt), scene.frame_times(), strict=True):
-        path = directory / f"{step}.bin"
-        if not _complete(path):
+        path = directory / FRAMES / f"{step}.bin"
+        if not _complete(path) or (observed and len(forces.get(step, ())) != 3 * len(observed)):
             break
         known.append((step, float(time), path))
-    return FrameFiles(known, _load_frame)
+    return FrameFiles(known, partial(_load_frame, scene, renamed_by(scene), observed, forces))
 
 
-def _load_frame(step: int, time: float, path: Path) -> Frame:
+def _load_frame(
+    scene: Scene, places: int, observed: list[str], forces: dict[int, np.ndarray], step: int, time: float, path: Path
+) -> Frame:
     _, table = next(_records(path.read_bytes(), FRAME_COLUMNS))
-    return Frame(step, time, table[:, 0].astype(np.intp) - 1, table[:, 1:4], table[:, 4:7], table[:, 7:10])
+    vectors = as_given(table[:, 1:].reshape(-1, 3, 3), places)
+    left = ~in_sink(scene, vectors[:, 0])
+    present, vectors = table[left, 0].astype(np.intp) - 1, vectors[left]
+    by_wall = as_given(forces[step].reshape(-1, 3), places) if observed else []
+    return Frame(step, time, present, *vectors.swapaxes(0, 1), dict(zip(observed, by_wall, strict=True)))
+
+
+def in_sink(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """Which positions [m], shape (n, 3), lie in a sink: the program may not have removed the body yet."""
+    gone = np.zeros(len(position), dtype=bool)
+    for sink in scene.sinks:
+        gone |= sink.region.contains(position)
+    return gone
+
+
+def remove_frames(directory: Path, after: int) -> None:
+    """Removes the frames after a step."""
+    for path in (directory / FRAMES).glob("*.bin"):
+        if int(path.stem) > after:
+            path.unlink()
 
 
 def _complete(path: Path) -> bool:
@@ -81,61 +164,53 @@ def _records(data: bytes, columns: int) -> Iterator[tuple[int, np.ndarray]]:
         yield step, table[np.argsort(table[:, 0], kind="stable")]
 
 
-def read_tracks(scene: Scene, dt: float, path: Path) -> Tracks | None:
-    """The tracks written so far; None where the scene tracks no body."""
+# ---- records of every launch
+
+
+def _read_forces(directory: Path) -> dict[int, np.ndarray]:
+    """Forces on the observed walls [N] by step, in the order of the observables: x, y, z of each wall.
+
+    The program knows the forces on triangles only after a step: those at t = 0 are those after the first one.
+    """
+    found = {step - 1: values for step, values in _rows(directory / FIRST_FORCES) if step == 1}
+    for launch, end in launches(directory):
+        rows = _rows(directory / launch.forces)
+        found |= {step: values for step, values in rows if step > launch.start and (end is None or step <= end)}
+    return found
+
+
+def _rows(path: Path) -> Iterator[tuple[int, np.ndarray]]:
+    """Step and values of the complete rows of a text file."""
+    for line in path.read_text().split("\n")[:-1] if path.exists() else []:
+        if not line.startswith("#"):
+            step, *values = line.split()
+            yield int(step), np.array(values, float)
+
+
+def read_tracks(scene: Scene, dt: float, directory: Path) -> tuple[Tracks | None, str]:
+    """The tracks written so far, None where the scene tracks no body; and which tracked body is gone, if one is."""
     bodies = scene.tracked_bodies()
     if not bodies:
-        return None
+        return None, ""
+    places = renamed_by(scene)
     wanted = dict(zip(steps_of(scene.track_times(), dt), scene.track_times(), strict=True))
-    data = path.read_bytes() if path.exists() else b""
-    rows = [(step, table) for step, table in _records(data, TRACK_COLUMNS) if step in wanted]
-    values = np.array([table[:, 1:] for _, table in rows]).reshape(len(rows), len(bodies), 6)
-    return Tracks(
-        np.array([step for step, _ in rows], dtype=np.int64),
-        np.array([wanted[step] for step, _ in rows], dtype=np.float64),
-        values[:, :, :3],
-        values[:, :, 3:],
-    )
-
-
-# ---- the log
-
-
-def failure_in(log: str) -> tuple[str | None, str]:
-    """Reason (one of `FAILURES`) and detail of a failure that a log tells of, or (None, "")."""
-    error = re.search(r"^ERROR[^\n]*", log, re.M)
-    if error:
-        detail = error[0].strip()
-        for sign, reason in (("Lost atoms", "lost particles"), ("Non-numeric", "nan"), ("allocate", "memory")):
-            if sign in detail:
-                return reason, detail
-        return "engine error", detail
-    unknown = re.search(r"^ +(\d+) +\d+ +-?nan *$", log, re.M)
-    if unknown:
-        return "nan", f"the kinetic energy is not a number at step {unknown[1]}"
-    return None, ""
-
-
-def last_step(log: str) -> int:
-    """The last step that a log reports."""
-    return max((int(step) for step in re.findall(r"^ +(\d+) +\d+ +\S+ *$", log, re.M)), default=0)
-
-
-def loop_time(log: str) -> float | None:
-    """The program's own time of the stepping loop, output included [s]; None while it runs."""
-    found = re.search(r"^Loop time of (\S+) on", log, re.M)
-    return float(found[1]) if found else None
-
-
-def counters_in(log: str) -> dict[str, float]:
-    """The program's own figures: time by kind of work [s], neighbour lists."""
-    found = re.findall(r"^(Pair|Neigh|Comm|Outpt|Other)\s+time \(%\) = (\S+)", log, re.M)
-    counters = {f"{kind.lower()}_s": float(seconds) for kind, seconds in found}
-    for name, label in (
-        ("neighbour_builds", "Neighbor list builds"),
-        ("dangerous_builds", "Dangerous builds"),
-        ("neighbours_per_body", "Ave neighs/atom"),
-    ):
-        if value := re.search(rf"^{label} = (\S+)", log, re.M):
-            counters[name] = float(value[1])
-    return counters
+    steps: list[int] = []
+    rows: list[np.ndarray] = []
+    lost = ""
+    for launch, end in launches(directory):
+        path = directory / launch.tracks
+        for step, table in _records(path.read_bytes() if path.exists() else b"", TRACK_COLUMNS):
+            counts = (end is None or step <= end) and (step > launch.start or launch.start == 0)
+            if not counts or step not in wanted or lost:
+                continue
+            vectors = as_given(table[:, 1:].reshape(-1, 2, 3), places)
+            left = table[~in_sink(scene, vectors[:, 0]), 0].astype(int) - 1
+            if len(left) < len(bodies):
+                lost = f"tracked body {min(set(bodies) - set(left.tolist()))} is gone by t = {wanted[step]:g} s"
+            else:
+                steps.append(step)
+                rows.append(vectors)
+    values = np.array(rows).reshape(len(rows), len(bodies), 2, 3)
+    times = np.array([wanted[step] for step in steps], dtype=np.float64)
+    tracks = Tracks(np.array(steps, dtype=np.int64), times, values[:, :, 0], values[:, :, 1])
+    return tracks, lost

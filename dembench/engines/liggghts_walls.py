@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from dembench.engines.liggghts_round import axis_of, discs, is_primitive, open_tops, polygon
 from dembench.scene import Box, Cylinder, Frustum, Material, Mesh, Motion, Plane, Scene, Sdf
 
 AXES = "xyz"
@@ -27,48 +27,105 @@ def type_of(scene: Scene, material: str) -> int:
 
 @dataclass(frozen=True)
 class Primitive:
-    """An infinite wall of the program: fix id, type (material), shape with its numbers."""
+    """An infinite wall of the program.
+
+    Attributes:
+        id: Name of its fix.
+        wall: Name of the scene's wall.
+        type: Type of its material.
+        shape: Kind with its numbers.
+        group: Bodies that meet it.
+        shear: Motion of its surface as arguments of the fix, or nothing.
+    """
 
     id: str
+    wall: str
     type: int
     shape: str
+    group: str = "all"
+    shear: str = ""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A wall of triangles [m], shape (n, 3, 3): fix id, type (material), arguments of `move/mesh` or nothing."""
+    """A wall of triangles.
+
+    Attributes:
+        id: Name of its fix and of its STL file.
+        wall: Name of the scene's wall.
+        type: Type of its material.
+        triangles: Vertices [m], shape (n, 3, 3).
+        motion: How it moves, or None.
+    """
 
     id: str
+    wall: str
     type: int
     triangles: np.ndarray
-    motion: str
+    motion: Motion | None
+
+    def move(self) -> str:
+        """Arguments of `fix move/mesh`; nothing for a surface at rest."""
+        return motion_of(self.motion) or "" if self.motion else ""
+
+    def reach(self, duration: float) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of a box that holds the surface during a time [s] from the start: [m], shape (3,) each."""
+        points = self.triangles.reshape(-1, 3)
+        if self.motion is None:
+            return points.min(axis=0), points.max(axis=0)
+        spin = np.array(self.motion.angular_velocity)
+        if spin.any():
+            axis = spin / np.linalg.norm(spin)
+            relative = points - self.motion.centre
+            along = (relative @ axis)[:, None] * axis
+            swept = np.linalg.norm(relative - along, axis=1)[:, None] * np.sqrt(1 - np.minimum(axis**2, 1))
+            points = self.motion.centre + along
+            return (points - swept).min(axis=0), (points + swept).max(axis=0)
+        way = np.array(self.motion.velocity) * duration
+        return (points + np.minimum(way, 0)).min(axis=0), (points + np.maximum(way, 0)).max(axis=0)
 
 
-def walls(scene: Scene, segments: int) -> tuple[list[Primitive], list[Surface]]:
-    """Every wall as primitives where these are exact, else as triangles."""
-    primitives: list[Primitive] = []
-    surfaces: list[Surface] = []
+@dataclass(frozen=True)
+class Walls:
+    """All walls of a scene as the program has them.
+
+    Attributes:
+        primitives, surfaces: The parts.
+        groups: Bodies [numbers from 1, as ranges a:b] by the name of the group, for walls that meet only some bodies.
+        polygons: Names of round walls that are polygons.
+        floor, ceiling: Corners that the program's box must not exceed [m]: where a primitive goes on beyond its wall.
+    """
+
+    primitives: list[Primitive]
+    surfaces: list[Surface]
+    groups: dict[str, list[str]]
+    polygons: list[str]
+    floor: np.ndarray
+    ceiling: np.ndarray
+
+
+def walls(scene: Scene, segments: int) -> Walls:
+    """Every wall as primitives where these are exact, else as triangles; round ones with that many sides."""
+    made = Walls([], [], {}, [], np.full(3, -np.inf), np.full(3, np.inf))
     for k, wall in enumerate(scene.walls, 1):
         name, kind = f"wall{k}_{wall.name}", type_of(scene, wall.material)
-        shapes = None if wall.motion is not None else _shapes(wall, scene)
-        if shapes is not None:
-            primitives += [Primitive(f"{name}{suffix}", kind, shape) for suffix, shape in shapes]
+        if isinstance(wall, Cylinder | Frustum):
+            _add_round(made, wall, name, kind, scene, segments)
             continue
-        if isinstance(wall, Plane):
-            triangles = _clipped_plane(wall, scene)
-        elif isinstance(wall, Cylinder | Frustum):
-            triangles = wall.triangulate(segments)
-        else:
-            triangles = wall.triangulate()
+        shapes = None if wall.motion is not None else _shapes(wall)
+        if shapes is not None:
+            made.primitives.extend(Primitive(f"{name}{suffix}", wall.name, kind, shape) for suffix, shape in shapes)
+            continue
+        triangles = _clipped_plane(wall, scene) if isinstance(wall, Plane) else wall.triangulate()
         if len(triangles):
-            surfaces.append(Surface(name, kind, triangles, motion_of(wall.motion) or "" if wall.motion else ""))
-    return primitives, surfaces
+            made.surfaces.append(Surface(name, wall.name, kind, triangles, wall.motion))
+    return made
 
 
-def _shapes(wall: Plane | Box | Cylinder | Frustum | Mesh | Sdf, scene: Scene) -> list[tuple[str, str]] | None:
+def _shapes(wall: Plane | Box | Mesh | Sdf) -> list[tuple[str, str]] | None:
     """The exact primitives of a wall at rest as (suffix of its name, shape); None where there are none."""
     if isinstance(wall, Plane):
-        axis = _axis(wall.normal)
+        axis = axis_of(wall.normal)
         return None if axis is None else [("", f"{AXES[axis]}plane {wall.point[axis]!r}")]
     if isinstance(wall, Box):
         named = []
@@ -77,34 +134,55 @@ def _shapes(wall: Plane | Box | Cylinder | Frustum | Mesh | Sdf, scene: Scene) -
             side = "low" if plane.normal[axis] > 0 else "high"
             named.append((f"_{AXES[axis]}_{side}", f"{AXES[axis]}plane {plane.point[axis]!r}"))
         return named
-    if isinstance(wall, Cylinder) and not wall.outside:
-        return _cylinder(wall, scene)
     return None
 
 
-def _cylinder(wall: Cylinder, scene: Scene) -> list[tuple[str, str]] | None:
-    """A primitive cylinder is infinite: exact only where each end is closed or reaches the end of the domain."""
-    axis = _axis(np.subtract(wall.end, wall.start))
-    if axis is None:
-        return None
-    shapes = []
-    for closed, here, there in (
-        (wall.closed_start, wall.start[axis], wall.end[axis]),
-        (wall.closed_end, wall.end[axis], wall.start[axis]),
-    ):
-        side = "low" if here < there else "high"
-        if closed:
-            shapes.append((f"_{side}", f"{AXES[axis]}plane {here!r}"))
-        elif scene.domain.lower[axis] < here < scene.domain.upper[axis]:
-            return None
+def _add_round(made: Walls, wall: Cylinder | Frustum, name: str, kind: int, scene: Scene, segments: int) -> None:
+    """Adds a round wall: a primitive mantle with planes or turning discs as ends, or a polygon."""
+    axis = axis_of(np.subtract(wall.end, wall.start))
+    if not isinstance(wall, Cylinder) or not is_primitive(wall, scene) or axis is None:
+        made.polygons.append(wall.name)
+        made.surfaces.append(Surface(name, wall.name, kind, polygon(wall, segments), wall.motion))
+        return
     b, c = (axis + 1) % 3, (axis + 2) % 3  # the program takes the centre in cyclic order: z and x for the y axis
-    return [("", f"{AXES[axis]}cylinder {wall.radius!r} {wall.start[b]!r} {wall.start[c]!r}"), *shapes]
+    shape = f"{AXES[axis]}cylinder {wall.radius!r} {wall.start[b]!r} {wall.start[c]!r}"
+    if wall.motion is None:
+        made.primitives.append(Primitive(name, wall.name, kind, shape))
+        for closed, here, there in (
+            (wall.closed_start, wall.start[axis], wall.end[axis]),
+            (wall.closed_end, wall.end[axis], wall.start[axis]),
+        ):
+            if closed:
+                side = "low" if here < there else "high"
+                made.primitives.append(Primitive(f"{name}_{side}", wall.name, kind, f"{AXES[axis]}plane {here!r}"))
+    else:
+        _add_turning(made, wall, name, kind, shape, axis, scene)
+    for along, side, at in open_tops(wall, scene):
+        bound = made.ceiling if side > 0 else made.floor
+        bound[along] = min(bound[along], at) if side > 0 else max(bound[along], at)
 
 
-def _axis(direction: Sequence[float] | np.ndarray) -> int | None:
-    """The coordinate axis that a direction lies on, or None."""
-    along = np.flatnonzero(direction)
-    return int(along[0]) if len(along) == 1 else None
+def _add_turning(made: Walls, wall: Cylinder, name: str, kind: int, shape: str, axis: int, scene: Scene) -> None:
+    """Adds a cylinder that turns about itself: a primitive for each radius of the bodies, and its ends as discs.
+
+    The program gives the surface the velocity that it would have where the body's centre is. A higher angular velocity,
+    by the ratio of the distances of wall and centre from the axis, makes it that of the wall.
+    """
+    assert wall.motion is not None, "a wall at rest does not turn"
+    radii = scene.radii()
+    for k, radius in enumerate(np.unique(radii), 1):
+        made.groups.setdefault(f"size{k}", _ranges(np.flatnonzero(radii == radius) + 1))
+        speed = wall.motion.angular_velocity[axis] * wall.radius / (wall.radius - float(radius))
+        shear = f"shear {AXES[(axis + 1) % 3]} {speed!r}"
+        made.primitives.append(Primitive(f"{name}_size{k}", wall.name, kind, shape, f"size{k}", shear))
+    if wall.closed_start or wall.closed_end:
+        made.surfaces.append(Surface(f"{name}_ends", wall.name, kind, discs(wall), wall.motion))
+
+
+def _ranges(numbers: np.ndarray) -> list[str]:
+    """Ascending numbers as ranges a:b."""
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return [f"{run[0]}:{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]
 
 
 def _clipped_plane(wall: Plane, scene: Scene) -> np.ndarray:
