@@ -176,7 +176,7 @@ class Liggghts(Engine):
     def checkpoint(self, scene: Scene, settings: LiggghtsSettings, directory: Path) -> Checkpoint | None:
         """See `Engine.checkpoint`: a checkpoint has its name only once it is whole."""
         steps = [int(path.name.split(".")[1]) for path in directory.glob("checkpoint.*.restart")]
-        return Checkpoint(max(steps), max(steps) * settings.dt) if steps else None
+        return Checkpoint(step=max(steps), time=max(steps) * settings.dt) if steps else None
 
     def resume(self, scene: Scene, settings: LiggghtsSettings, directory: Path) -> list[Phase] | None:
         """See `Engine.resume`: a new launch with a script, a log and records of its own."""

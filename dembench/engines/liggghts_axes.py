@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from dembench.engines.liggghts_round import axis_of, is_primitive
-from dembench.scene import Box, Cylinder, Frustum, Mesh, Motion, Plane, Region, Scene
+from dembench.scene import Box, Cylinder, Mesh, Motion, Region, Scene
+from dembench.scene.walls import WallShape
 
 AXES = "xyz"
 
@@ -55,7 +56,7 @@ def _region(region: Region) -> Region:
     return region.model_copy(update={"lower": _on(region.lower), "upper": _on(region.upper)})
 
 
-def _wall(wall: Plane | Box | Cylinder | Frustum | Mesh) -> Plane | Box | Cylinder | Frustum | Mesh:
+def _wall(wall: WallShape) -> WallShape:
     changes: dict[str, object] = {}
     for name in ("point", "normal", "lower", "upper", "start", "end"):
         if hasattr(wall, name):

@@ -53,7 +53,7 @@ def timing_in(log: str, last: int) -> tuple[float | None, dict[str, float]]:
         elif found := _SPENT.match(line):
             name = f"{found[1].lower()}_s"
             counters[name] = counters.get(name, 0.0) + float(found[2])
-        elif (name := _COUNTED.get(line.partition(" = ")[0])) is not None:
-            value = float(line.partition(" = ")[2])
+        elif (label := line.partition(" = ")[0]) in _COUNTED:
+            name, value = _COUNTED[label], float(line.partition(" = ")[2])
             counters[name] = value + (0.0 if name == "neighbours_per_body" else counters.get(name, 0.0))
     return loop, counters

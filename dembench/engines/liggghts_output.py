@@ -109,8 +109,8 @@ def _load_frame(
     vectors = as_given(table[:, 1:].reshape(-1, 3, 3), places)
     left = ~in_sink(scene, vectors[:, 0])
     present, vectors = table[left, 0].astype(np.intp) - 1, vectors[left]
-    by_wall = as_given(forces[step].reshape(-1, 3), places) if observed else []
-    return Frame(step, time, present, *vectors.swapaxes(0, 1), dict(zip(observed, by_wall, strict=True)))
+    by_wall = dict(zip(observed, as_given(forces[step].reshape(-1, 3), places), strict=True)) if observed else {}
+    return Frame(step, time, present, vectors[:, 0], vectors[:, 1], vectors[:, 2], by_wall)
 
 
 def in_sink(scene: Scene, position: np.ndarray) -> np.ndarray:

@@ -35,9 +35,9 @@ def half_space(region: Region) -> tuple[int, int, float] | None:
         return None
     (axis,) = bounded
     lower, upper = region.lower[axis], region.upper[axis]
-    if lower is None:
+    if lower is None and upper is not None:
         return axis, -1, upper
-    return (axis, 1, lower) if upper is None else None
+    return (axis, 1, lower) if lower is not None and upper is None else None
 
 
 def turns_about_itself(wall: Cylinder | Frustum) -> bool:
@@ -151,9 +151,9 @@ class _End(NamedTuple):
 
 
 def _ends(wall: Cylinder | Frustum) -> tuple[_End, _End]:
-    narrow = isinstance(wall, Frustum)
-    first = np.array(wall.start), wall.radius_start if narrow else wall.radius, wall.closed_start
-    last = np.array(wall.end), wall.radius_end if narrow else wall.radius, wall.closed_end
+    radii = (wall.radius_start, wall.radius_end) if isinstance(wall, Frustum) else (wall.radius, wall.radius)
+    first = np.array(wall.start), radii[0], wall.closed_start
+    last = np.array(wall.end), radii[1], wall.closed_end
     return _End(*first, *last), _End(*last, *first)
 
 

@@ -157,9 +157,9 @@ def _add_round(made: Walls, wall: Cylinder | Frustum, name: str, kind: int, scen
                 made.primitives.append(Primitive(f"{name}_{side}", wall.name, kind, f"{AXES[axis]}plane {here!r}"))
     else:
         _add_turning(made, wall, name, kind, shape, axis, scene)
-    for along, side, at in open_tops(wall, scene):
-        bound = made.ceiling if side > 0 else made.floor
-        bound[along] = min(bound[along], at) if side > 0 else max(bound[along], at)
+    for along, end, at in open_tops(wall, scene):
+        bound = made.ceiling if end > 0 else made.floor
+        bound[along] = min(bound[along], at) if end > 0 else max(bound[along], at)
 
 
 def _add_turning(made: Walls, wall: Cylinder, name: str, kind: int, shape: str, axis: int, scene: Scene) -> None:
