@@ -14,6 +14,7 @@ from dembench import campaign, console
 from dembench.cases.base import CaseError
 from dembench.engines.base import SettingsError
 from dembench.engines.registry import UnknownEngine
+from dembench.initial.rows import CoordinatesError
 from dembench.runs.plan import RequestError
 from dembench.scene import SceneError
 from dembench.verification.suites import UnknownSuite
@@ -46,7 +47,7 @@ def usage_errors() -> Iterator[None]:
     """One clear message and exit code 2 for what was asked for wrongly."""
     try:
         yield
-    except (RequestError, CaseError, SceneError, SettingsError, UnknownEngine, UnknownSuite) as error:
+    except (RequestError, CaseError, CoordinatesError, SceneError, SettingsError, UnknownEngine, UnknownSuite) as error:
         console.error(str(error))
         raise typer.Exit(2) from None
 

@@ -82,13 +82,13 @@ def _known(path: Path, patterns: Sequence[str]) -> bool:
     return any(fnmatchcase(ending, pattern) for pattern in patterns)
 
 
-def read_coordinates(path: Path, radii: Sequence[float], ball: float | None = None) -> Coordinates:
+def read_coordinates(path: Path, radii: Sequence[float] | None = None, ball: float | None = None) -> Coordinates:
     """Reads a file of the drum or of the impact; a last row about the ball is left out.
 
     Args:
         path: The file.
-        radii: Radii [m] that the particles may have.
-        ball: Radius [m] by which the ball is known in the last row; None where there is no ball.
+        radii: Radii [m] that the particles may have; None accepts all above 0.
+        ball: Radius [m] by which the ball is known in a last row of four fields; None where there is no such row.
 
     Raises:
         CoordinatesError: The file cannot be read, a row is none of those accepted, or a radius is another.
@@ -97,11 +97,11 @@ def read_coordinates(path: Path, radii: Sequence[float], ball: float | None = No
     if not lines or lines[0].split() != HEADER:
         raise CoordinatesError(f"{path}:1: expected the header '{' '.join(HEADER)}'")
     rows = [numbers(path, number, line, ACCEPTED) for number, line in enumerate(lines[1:], 2)]
-    if rows and ball is not None and (len(rows[-1]) == 6 or (len(rows[-1]) == 4 and rows[-1][0] == ball)):
+    if rows and (len(rows[-1]) == 6 or (len(rows[-1]) == 4 and rows[-1][0] == ball)):
         rows.pop()
     for number, row in enumerate(rows, 2):
-        if len(row) == 4 and row[0] not in radii:
-            listed = " and ".join(f"{radius:g} m" for radius in radii)
+        if len(row) == 4 and not (row[0] > 0 if radii is None else row[0] in radii):
+            listed = "those above 0" if radii is None else " and ".join(f"{radius:g} m" for radius in radii)
             raise CoordinatesError(f"{path}:{number}: radius {row[0]:g} m; accepted are {listed}")
     table = _table(path, rows, 2, 4, ACCEPTED)
     return Coordinates(path, np.ascontiguousarray(table[:, 1:]), np.ascontiguousarray(table[:, 0]))

@@ -1,0 +1,66 @@
+"""Verbs about initial states: convert."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from dembench import console
+from dembench.cli.options import Json, print_json, usage_errors
+from dembench.initial import formats
+from dembench.initial.formats.state import FIELDS, UNITS, State
+from dembench.initial.rows import CoordinatesError
+
+app = typer.Typer(no_args_is_help=True, help="Initial states: makes, measures and converts them.")
+_NAMES = ", ".join(formats.names())
+
+
+@app.command()
+def convert(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="file with a state of spheres")],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="file to write; its ending says the format")],
+    from_: Annotated[str | None, typer.Option("--from", help=f"format of IN, else by its content: {_NAMES}")] = None,
+    to: Annotated[str | None, typer.Option("--to", help="format of OUT, else by its ending")] = None,
+    frame: Annotated[int, typer.Option(help="which frame of IN: 0 the first, -1 the last")] = -1,
+    radius: Annotated[float | None, typer.Option(help="radius [m], where IN has none")] = None,
+    density: Annotated[float | None, typer.Option(help="density [kg/m3], where IN has none")] = None,
+    drop: Annotated[str, typer.Option(help=f"what may be lost, of {', '.join(FIELDS)}, as a,b")] = "",
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace OUT where it is there")] = False,
+    json_: Json = False,
+) -> None:
+    """Converts a state of spheres between the file formats of programs; all numbers keep their bits.
+
+    What OUT cannot hold is refused unless `--drop` names it.
+    """
+    with usage_errors():
+        if target.exists() and not overwrite:
+            raise CoordinatesError(f"{target}: is there; give another name, or --overwrite")
+        into = formats.format_named(to) if to else formats.format_for(target)
+        state = formats.read(source, formats.format_named(from_) if from_ else None, frame)
+        state = _without(_with(_with(state, "radius", radius), "density", density), drop)
+        formats.write(state, target, into)
+    if json_:
+        print_json({"file": str(target), "format": into.name, "spheres": len(state), "fields": state.said()})
+    else:
+        console.line(f"{target}: {len(state)} spheres, {into.title}; position, {', '.join(state.said())}")
+
+
+def _with(state: State, name: str, value: float | None) -> State:
+    """The state with one value of a field for all spheres."""
+    if value is None:
+        return state
+    if getattr(state, name) is not None:
+        raise CoordinatesError(f"--{name} {value:g} {UNITS[name]}: the file has a {name} of its own, which is kept")
+    return state.with_fields(**{name: np.full(len(state), value)})
+
+
+def _without(state: State, drop: str) -> State:
+    """The state without fields that may be lost."""
+    names = [name.strip() for name in drop.split(",") if name.strip()]
+    for name in names:
+        if name not in FIELDS:
+            raise CoordinatesError(f"--drop {name}: accepted are {', '.join(FIELDS)}")
+    return state.with_fields(**dict.fromkeys(names)) if names else state
