@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from dembench.reports.entries import Group, Member, common_times
-from dembench.reports.figures import Known, Line, Panel, Plot
+from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.svg import MUTED
 from dembench.reports.units import labelled, measure, shown_in
 from dembench.results import Observed

@@ -1,4 +1,4 @@
-"""Figures: one matplotlib drawing gives the page's SVG, the phone's SVG and the paper's PDF."""
+"""Figures drawn: one matplotlib drawing gives the page's SVG, the phone's SVG and the paper's PDF."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.svg import GRID, INK, MUTED, SURFACE, themed
 
 WIDE, NARROW = 7.0, 3.5
 """Widths [in]: two columns and one column of a journal page."""
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.5)), (0, (6, 2, 1.2, 2)), (0, (3, 1.2)), (0, (8, 2, 1, 2)))
 MARKERS = (None, "o", "s", "^", "D", "v", "P")
+KNOWN_MARKERS = ("D", "s", "^", "o", "v", "P")
 LOG_RANGE = 300.0
 """A panel whose positive values span more than this ratio gets a logarithmic axis."""
 WIDEST, THINNEST = 3.2, 1.2
@@ -66,86 +68,6 @@ _STYLE: Any = {
 
 
 @dataclass(frozen=True)
-class Line:
-    """One curve.
-
-    Attributes:
-        label: Text of the legend, the same for one run in all panels.
-        x, y: Values in the units of the axes, shape (n,).
-        colour: `#rrggbb`.
-        style: Which dash pattern, and beyond them which marker; 0 is a plain solid line.
-        cut_short: Whether the run ended before its time; its last point is marked.
-        points: Whether it is drawn as points, without a line between them.
-        names: Text beside each point; empty for none.
-        low, high: Range at each point, drawn as bars, shape (n,), or None.
-    """
-
-    label: str
-    x: np.ndarray
-    y: np.ndarray
-    colour: str
-    style: int = 0
-    cut_short: bool = False
-    points: bool = False
-    names: tuple[str, ...] = ()
-    low: np.ndarray | None = None
-    high: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class Known:
-    """Known points: a line where there are many, markers where there are few, with a band or bars of uncertainty."""
-
-    label: str
-    x: np.ndarray
-    y: np.ndarray
-    low: np.ndarray | None = None
-    high: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class Panel:
-    """One pair of axes.
-
-    Attributes:
-        label: Label of the vertical axis with its unit.
-        lines, known: What is drawn.
-        log_y: Whether the vertical axis is logarithmic; None leaves it to the range of the values.
-        title: Heading of the panel; empty for none.
-    """
-
-    label: str
-    lines: tuple[Line, ...]
-    known: tuple[Known, ...] = ()
-    log_y: bool | None = None
-    title: str = ""
-
-
-@dataclass(frozen=True)
-class Plot:
-    """What a figure shows.
-
-    Attributes:
-        name: Identifier, unique on the page.
-        title, caption: Plain text.
-        x_label: Label of the shared horizontal axis with its unit.
-        panels: From top to bottom.
-        command: What reproduces it.
-        log_x: Whether the horizontal axis is logarithmic.
-        x_names: Words in the place of the numbers 0, 1, 2, ... of the horizontal axis; empty for numbers.
-    """
-
-    name: str
-    title: str
-    caption: str
-    x_label: str
-    panels: tuple[Panel, ...]
-    command: str
-    log_x: bool = False
-    x_names: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class Drawing:
     """A drawn figure: markup for the page, bytes for the paper, data for the reader.
 
@@ -176,6 +98,7 @@ def draw(plot: Plot) -> Drawing:
     data = {
         "name": plot.name,
         "x_label": plot.x_label,
+        "shared": plot.shared,
         "axes": {"wide": wide_axes, "narrow": narrow_axes},
         "panels": [_values(panel) for panel in plot.panels],
     }
@@ -183,24 +106,42 @@ def draw(plot: Plot) -> Drawing:
 
 
 def _drawn(plot: Plot, width: float) -> tuple[Figure, list[dict[str, float]]]:
-    count = len(plot.panels)
+    columns = min(plot.columns, len(plot.panels)) if width == WIDE else 1
+    rows = math.ceil(len(plot.panels) / columns)
     labels = _legend_entries(plot)
-    columns = _columns(labels, width)
-    legend_height = 0.17 * math.ceil(len(labels) / columns) + 0.1
-    each = (2.7 if count == 1 else 1.55) if width == WIDE else (2.3 if count == 1 else 1.5)
-    figure = Figure(figsize=(width, legend_height + each * count + 0.25), layout="constrained", facecolor="none")
+    across = _columns(labels, width)
+    legend_height = 0.17 * math.ceil(len(labels) / across) + 0.1
+    height = legend_height + 0.25 + _height(plot, width, columns) * rows
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="none")
     FigureCanvasAgg(figure)
-    axes = np.atleast_1d(figure.subplots(count, 1, sharex=True))
-    for panel, ax in zip(plot.panels, axes, strict=True):
-        _fill(ax, panel, width, plot.log_x)
-    if plot.x_names:
-        axes[-1].set_xticks(range(len(plot.x_names)), plot.x_names)
-    axes[-1].set_xlabel(plot.x_label)
-    figure.legend(handles=labels, loc="outside upper left", ncols=columns, handlelength=3.2, columnspacing=1.4)
-    figure.align_ylabels(list(axes))
+    grid = figure.subplots(rows, columns, sharex=plot.shared, squeeze=False)
+    axes = list(grid.ravel())
+    for empty in axes[len(plot.panels) :]:
+        empty.remove()
+    axes = axes[: len(plot.panels)]
+    for k, (panel, ax) in enumerate(zip(plot.panels, axes, strict=True)):
+        _fill(ax, panel, width / columns, plot.log_x)
+        if panel.x_label or k + columns >= len(axes):
+            ax.set_xlabel(panel.x_label or plot.x_label)
+            ax.tick_params(labelbottom=True)
+            if plot.x_names:
+                ax.set_xticks(range(len(plot.x_names)), plot.x_names)
+    figure.legend(handles=labels, loc="outside upper left", ncols=across, handlelength=3.2, columnspacing=1.4)
+    for column in range(columns):
+        figure.align_ylabels(axes[column::columns])
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     return figure, [_place(ax) for ax in axes]
+
+
+def _height(plot: Plot, width: float, columns: int) -> float:
+    """Height of a row of panels [in]."""
+    if any(panel.equal for panel in plot.panels):
+        return 0.8 * width / columns
+    if len(plot.panels) == 1:
+        return 2.7 if width == WIDE else 2.3
+    each = (2.1 if columns > 1 else 1.55) if width == WIDE else 1.5
+    return each + (0.2 if not plot.shared else 0.0)
 
 
 def _svg(figure: Figure) -> str:
@@ -226,9 +167,7 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
     for line, linewidth in zip(panel.lines, widths, strict=True):
         y = np.where(line.y > 0, line.y, np.nan) if logarithmic else line.y
         ax.plot(line.x, y, color=line.colour, linewidth=linewidth, **_pattern(line, len(line.x)))
-        if line.low is not None and line.high is not None:
-            ends_of_bars = np.abs(np.array([y - line.low, line.high - y]))
-            ax.errorbar(line.x, y, yerr=ends_of_bars, fmt="none", ecolor=line.colour, elinewidth=1.0, capsize=2.5)
+        _draw_range(ax, line)
         for name, x, value in zip(line.names, line.x, y, strict=False):
             ax.annotate(name, (x, value), xytext=(4, 3), textcoords="offset points", fontsize=6.5)
         shown = np.flatnonzero(np.isfinite(y))
@@ -247,13 +186,17 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
         _format_logarithmic(ax.xaxis)
         ax.set_xlim(0.8 * min(ends), 1.25 * max(ends))
     else:
-        ax.xaxis.set_major_locator(MaxNLocator(nbins=10 if width == WIDE else 6, steps=_ROUND_STEPS))
+        ax.xaxis.set_major_locator(
+            MaxNLocator(nbins=10 if width == WIDE else 6 if width >= NARROW else 4, steps=_ROUND_STEPS)
+        )
         if ends and max(ends) > min(ends):
             margin = 0.01 * (max(ends) - min(ends))
             ax.set_xlim(min(ends) - margin, max(ends) + margin)
     ax.set_ylabel(panel.label)
     if panel.title:
         ax.set_title(panel.title)
+    if panel.equal:
+        ax.set_aspect("equal", adjustable="datalim")
 
 
 def _format_logarithmic(axis: Axis) -> None:
@@ -270,27 +213,36 @@ def _power(value: float, _: int | None = None) -> str:
     return "10" + str(round(math.log10(value))).translate(_SUPERSCRIPTS)
 
 
+def _draw_range(ax: Axes, line: Line) -> None:
+    if line.low is None or line.high is None:
+        return
+    if len(line.x) > FEW_POINTS:
+        ax.fill_between(line.x, line.low, line.high, color=line.colour, alpha=0.2, linewidth=0)
+        return
+    bars = np.abs(np.array([line.y - line.low, line.high - line.y]))
+    ax.errorbar(line.x, line.y, yerr=bars, fmt="none", ecolor=line.colour, elinewidth=1.0, capsize=2.5)
+
+
+def _are_points(known: Known) -> bool:
+    return len(known.x) <= FEW_POINTS if known.points is None else known.points
+
+
 def _draw_known(ax: Axes, known: Known) -> None:
-    if len(known.x) <= FEW_POINTS:
+    if _are_points(known):
         bars = None
         if known.low is not None and known.high is not None:
             bars = np.abs(np.array([known.y - known.low, known.high - known.y]))
-        ax.errorbar(
-            known.x,
-            known.y,
-            yerr=bars,
-            fmt="D",
-            markersize=5,
-            color=INK,
-            markerfacecolor=SURFACE,
-            capsize=3,
-            elinewidth=1.0,
-            zorder=5,
-        )
+        marks = {"color": INK, "capsize": 3, "elinewidth": 1.0, "zorder": 5, "linestyle": "", **_known_mark(known)}
+        ax.errorbar(known.x, known.y, yerr=bars, **marks)
         return
     if known.low is not None and known.high is not None:
         ax.fill_between(known.x, known.low, known.high, color=MUTED, alpha=0.22, linewidth=0)
-    ax.plot(known.x, known.y, color=INK, linewidth=0.9)
+    ax.plot(known.x, known.y, color=INK, linewidth=0.9, linestyle=DASHES[known.style % len(DASHES)])
+
+
+def _known_mark(known: Known) -> dict[str, Any]:
+    marker = KNOWN_MARKERS[known.style % len(KNOWN_MARKERS)]
+    return {"marker": marker, "markersize": 5, "markerfacecolor": SURFACE, "markeredgewidth": 1.0}
 
 
 def _legend_entries(plot: Plot) -> list[Line2D]:
@@ -301,8 +253,9 @@ def _legend_entries(plot: Plot) -> list[Line2D]:
             entries.setdefault(line.label, Line2D([], [], color=line.colour, label=line.label, **_pattern(line, 0)))
             cut_short |= line.cut_short
         for known in panel.known:
-            few: dict[str, Any] = {"marker": "D", "linestyle": "", "markerfacecolor": SURFACE, "markersize": 5}
-            mark = few if len(known.x) <= FEW_POINTS else {}
+            mark: dict[str, Any] = {"linestyle": DASHES[known.style % len(DASHES)]}
+            if _are_points(known):
+                mark = {"linestyle": "", **_known_mark(known)}
             entries.setdefault(known.label, Line2D([], [], color=INK, linewidth=0.9, label=known.label, **mark))
     if cut_short:
         entries["ended early"] = Line2D(
@@ -358,21 +311,14 @@ def _place(ax: Axes) -> dict[str, float]:
 
 
 def _values(panel: Panel) -> dict[str, Any]:
-    lines = [
-        {
-            "label": n.label,
-            "colour": n.colour,
-            "x": numbers(n.x),
-            "y": numbers(n.y),
-            **({"low": numbers(n.low), "high": numbers(n.high)} if n.low is not None else {}),
-        }
-        for n in panel.lines
-    ]
-    known = [
-        {"label": k.label, "x": numbers(k.x), "y": numbers(k.y), "low": numbers(k.low), "high": numbers(k.high)}
-        for k in panel.known
-    ]
-    return {"label": panel.label, "lines": lines, "known": known}
+    lines = [{"colour": n.colour, **_points(n)} for n in panel.lines]
+    known = [_points(k) for k in panel.known]
+    return {"label": panel.label, "x_label": panel.x_label, "equal": panel.equal, "lines": lines, "known": known}
+
+
+def _points(drawn: Line | Known) -> dict[str, Any]:
+    columns = {"x": drawn.x, "y": drawn.y, "low": drawn.low, "high": drawn.high}
+    return {"label": drawn.label, **{name: numbers(values) for name, values in columns.items()}}
 
 
 def numbers(values: np.ndarray | None) -> list[float | None] | None:

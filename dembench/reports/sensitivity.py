@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dembench.recipes import Sensitivity
-from dembench.reports.figures import Line, Panel, Plot
+from dembench.reports.plot import Line, Panel, Plot
 from dembench.reports.tables import Cell, Column, Table
 from dembench.reports.units import labelled, measure, shown_in
 from dembench.reports.variants import Problem, Variant

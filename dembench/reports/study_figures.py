@@ -10,7 +10,7 @@ import numpy as np
 
 from dembench.recipes import Page
 from dembench.reports.curves import plots
-from dembench.reports.figures import Known, Line, Panel, Plot
+from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.units import labelled, shown_in
 from dembench.reports.variants import Problem, Variant
 from dembench.results import Observed

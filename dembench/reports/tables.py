@@ -45,7 +45,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a page; `name` is unique on it."""
+    """A table of a page; `name` is unique on it, `tag` stands beside the title: what to know of all its rows first."""
 
     name: str
     title: str
@@ -53,6 +53,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
     note: str = ""
     footnotes: tuple[str, ...] = ()
+    tag: str = ""
 
 
 def numbers(values: Iterable[float | None], digits: int = 3, most: int = 6) -> list[Cell]:

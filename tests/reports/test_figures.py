@@ -8,7 +8,8 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from dembench.reports.figures import Known, Line, Panel, Plot, draw
+from dembench.reports.figures import draw
+from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.svg import DARK, GRID, INK, MUTED, SURFACE, contrast_ratio, legible, palette, variable
 
 TIME = np.linspace(0, 50, 51)

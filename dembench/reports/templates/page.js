@@ -95,61 +95,74 @@
     image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(standalone(svg))}`;
   }
   function figureCsv(data) {
-    const rows = [["panel", "series", data.x_label, "value", "low", "high"]];
+    const rows = [["panel", "series", data.shared ? data.x_label : "horizontal", "value", "low", "high"]];
     for (const panel of data.panels)
       for (const series of [...panel.lines, ...panel.known])
         series.x.forEach((x, k) =>
-          rows.push([panel.label, series.label, x, series.y[k], series.low?.[k], series.high?.[k]].map((v) => (v == null ? "" : String(v))))
+          rows.push([panel.x_label ? `${panel.label} over ${panel.x_label}` : panel.label, series.label, x, series.y[k], series.low?.[k], series.high?.[k]].map((v) => (v == null ? "" : String(v))))
         );
     return csv(rows);
   }
-  const nearest = (values, x) => {
-    let best = 0;
-    values.forEach((v, k) => {
-      if (Math.abs(v - x) < Math.abs(values[best] - x)) best = k;
-    });
-    return best;
-  };
   const scale = (axes) => (axes.log_x ? Math.log : (v) => v);
   const shown = (v) => {
     const extreme = Math.abs(v) >= 1e5 || (v !== 0 && Math.abs(v) < 1e-3);
     return (extreme ? v.toExponential(3) : String(Number(v.toPrecision(5)))).replaceAll("-", "\u2212");
   };
 
-  each("figure", (figure) => {
+  const SVG = "http://www.w3.org/2000/svg";
+  each("figure.plot", (figure) => {
     const data = JSON.parse(figure.querySelector("script").textContent);
     const drawing = figure.querySelector(".drawing");
     const readout = figure.querySelector(".readout");
     const hint = readout.textContent;
     const wide = drawing.querySelector(".wide svg");
     const visible = () => (drawing.querySelector(".wide").offsetWidth ? "wide" : "narrow");
-    const grid = [...new Set(data.panels.flatMap((p) => p.lines.flatMap((l) => l.x)))].sort((a, b) => a - b);
+    const all = data.panels.map((_, k) => k);
+    // A stop is what is read at once: a place on the axis that panels share, or on that of one panel, or one point.
+    const stops = (data.shared ? [all] : all.map((k) => [k])).flatMap((panels) => {
+      const lines = panels.flatMap((k) => data.panels[k].lines);
+      if (data.panels[panels[0]].equal) return lines.flatMap((line) => line.x.map((x, k) => ({ panels, x, y: line.y[k], line })));
+      return [...new Set(lines.flatMap((line) => line.x))].sort((a, b) => a - b).map((x) => ({ panels, x }));
+    });
     let at = -1;
 
-    function show(x) {
-      if (!grid.length) return;
-      at = nearest(grid, x);
+    function crosshair(svg, place) {
+      const line = document.createElementNS(SVG, "line");
+      for (const [key, v] of Object.entries(place)) line.setAttribute(key, v);
+      line.setAttribute("class", "crosshair");
+      svg.append(line);
+    }
+    function share(axes, key, v) {
+      const [low, high, here] = [axes[`${key}0`], axes[`${key}1`], v].map(key === "x" ? scale(axes) : (w) => w);
+      return (here - low) / (high - low);
+    }
+    function show(index) {
+      at = index;
+      const stop = stops[at];
+      if (!stop) return;
       const kind = visible();
       const svg = drawing.querySelector(`.${kind} svg`);
       const { width, height } = svg.viewBox.baseVal;
-      const axes = data.axes[kind];
       each(".crosshair", (line) => line.remove(), drawing);
-      const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
-      const [x0, x1, here] = [axes[0].x0, axes[0].x1, grid[at]].map(scale(axes[0]));
-      const place = axes[0].left + ((axes[0].right - axes[0].left) * (here - x0)) / (x1 - x0);
-      const ends = { x1: place * width, x2: place * width, y1: axes[0].top * height, y2: axes[axes.length - 1].bottom * height };
-      for (const [key, v] of Object.entries(ends)) line.setAttribute(key, v);
-      line.setAttribute("class", "crosshair");
-      svg.append(line);
-      readout.replaceChildren(make("span", `${data.x_label}: ${shown(grid[at])}`));
-      for (const panel of data.panels)
-        for (const series of panel.lines) {
-          const k = series.x.indexOf(grid[at]);
-          if (k < 0 || series.y[k] === null) continue;
+      for (const k of stop.panels) {
+        const axes = data.axes[kind][k];
+        const x = width * (axes.left + (axes.right - axes.left) * share(axes, "x", stop.x));
+        crosshair(svg, { x1: x, x2: x, y1: axes.top * height, y2: axes.bottom * height });
+        if (stop.line) {
+          const y = height * (axes.bottom - (axes.bottom - axes.top) * share(axes, "y", stop.y));
+          crosshair(svg, { x1: axes.left * width, x2: axes.right * width, y1: y, y2: y });
+        }
+      }
+      const label = data.panels[stop.panels[0]].x_label || data.x_label;
+      readout.replaceChildren(make("span", `${label}: ${shown(stop.x)}`));
+      for (const panel of stop.panels.map((k) => data.panels[k]))
+        for (const series of stop.line ? [stop.line] : panel.lines) {
+          const value = stop.line ? stop.y : series.y[series.x.indexOf(stop.x)];
+          if (value == null) continue;
           const item = make("span");
           const swatch = make("span", undefined, "swatch");
           swatch.style.color = `var(--ink-${series.colour.slice(1)}, ${series.colour})`;
-          item.append(swatch, `${series.label} `, make("b", shown(series.y[k])));
+          item.append(swatch, `${series.label} `, make("b", shown(value)));
           if (data.panels.length > 1) item.append(` (${panel.label})`);
           readout.append(item);
         }
@@ -159,15 +172,25 @@
       readout.textContent = hint;
       at = -1;
     }
+    function nearest(axes, panel, right, down) {
+      const height = (axes.bottom - axes.top) / (axes.right - axes.left);
+      let best = -1;
+      let least = Infinity;
+      stops.forEach((stop, k) => {
+        if (!stop.panels.includes(panel)) return;
+        const aside = stop.line ? height * (share(axes, "y", stop.y) - (axes.bottom - down) / (axes.bottom - axes.top)) : 0;
+        const far = Math.hypot(share(axes, "x", stop.x) - (right - axes.left) / (axes.right - axes.left), aside);
+        if (far < least) [best, least] = [k, far];
+      });
+      return best;
+    }
     drawing.addEventListener("pointermove", (event) => {
       const kind = visible();
       const box = drawing.querySelector(`.${kind} svg`).getBoundingClientRect();
-      const a = data.axes[kind][0];
-      const share = ((event.clientX - box.left) / box.width - a.left) / (a.right - a.left);
-      if (share < -0.02 || share > 1.02) return;
-      const [x0, x1] = [a.x0, a.x1].map(scale(a));
-      const x = x0 + share * (x1 - x0);
-      show(a.log_x ? Math.exp(x) : x);
+      const [right, down] = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
+      const inside = (a) => right > a.left - 0.02 && right < a.right + 0.02;
+      const panel = data.axes[kind].findIndex((a) => inside(a) && (data.shared || (down > a.top && down < a.bottom)));
+      if (panel >= 0) show(nearest(data.axes[kind][panel], panel, right, down));
     });
     drawing.addEventListener("pointerleave", hide);
     drawing.addEventListener("blur", hide);
@@ -175,7 +198,7 @@
       const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
       if (!step) return;
       event.preventDefault();
-      show(grid[Math.max(0, Math.min(grid.length - 1, at < 0 ? 0 : at + step))]);
+      show(Math.max(0, Math.min(stops.length - 1, at < 0 ? 0 : at + step)));
     });
     figure.querySelector("[data-save=csv]").addEventListener("click", () => saveText(`${data.name}.csv`, "text/csv", figureCsv(data)));
     figure.querySelector("[data-save=svg]").addEventListener("click", () => saveText(`${data.name}.svg`, "image/svg+xml", standalone(wide)));
