@@ -14,6 +14,8 @@ from dembench.scene import Scene, scene_from
 
 IMPULSE = {"peclet"}
 """Engines with implicit contacts: a symplectic step of first order, and a restitution with a tolerance of its own."""
+FIRST_ORDER = {*IMPULSE, "musen"}
+"""Engines whose free fall is off by g t dt at most."""
 
 
 def restitution_error(name: str, overrides: dict[str, str]) -> float:
@@ -98,6 +100,8 @@ def test_two_spheres_rebound_across_a_periodic_face(name: str, overrides: dict[s
             },
             domain=domain,
         )
+        if engine.unsupported(made):
+            pytest.skip(f"{name}: {engine.unsupported(made)[0]}")
         (directory := tmp_path / f"{offset}").mkdir()
         last = run(engine, made, directory, **overrides).frames[-1]
         assert (np.abs(last.position) <= 0.01).all()
@@ -117,7 +121,7 @@ def test_free_fall(name: str, overrides: dict[str, str], tmp_path: Path) -> None
     )
     settings = engine.settings(made, "closed", overrides)
     series = run(engine, made, tmp_path, **overrides)
-    allowed = 9.81 * made.duration * settings.dt if name in IMPULSE else 1e-9
+    allowed = 9.81 * made.duration * settings.dt if name in FIRST_ORDER else 1e-9
     time = series.tracks.time[:, None]
     assert series.tracks.time == pytest.approx(made.track_times())
     exact = np.array([0.1, 0, 0.2]) * time + 0.5 * np.array([1.0, 0, -9.81]) * time**2
