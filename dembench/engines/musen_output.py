@@ -182,6 +182,9 @@ class Reader:
             self._directory / part.file, lambda times: self._find(times, frames), self._scene.tracked_bodies()
         )
         grains = text.grains
+        wanted = {COORDINATE, VELOCITY, ANGULAR_VELOCITY}
+        if not wanted <= grains.values.keys():
+            raise TextError(f"{part.file} has not the tags {', '.join(map(str, sorted(wanted)))} of every grain")
         if part.number == 0:
             written = read_text(self._directory / "scene.txt")
             motions = {wall.name: wall.motion for wall in self._walls if wall.motion}
