@@ -30,7 +30,7 @@ from dembench.engines.musen_text import (
 from dembench.scene import Scene, WallForce
 
 FRAMES = "frames"
-PART_BYTES = 100e6
+PART_BYTES = 300e6
 """Size of the text of a part, about."""
 BINARY_BYTES = 250
 """Size of one grain in one frame of the program's own result file, about."""

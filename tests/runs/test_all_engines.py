@@ -45,10 +45,11 @@ def test_all_have_the_same_names_shapes_units_and_times(records):
 
 
 def test_all_agree_on_the_first_row_and_on_free_flight(records):
+    """A symplectic step is off by g t dt / 2, one that also begins half a step ahead by twice that."""
     for record in records:
         seen = record.result.observables
         t = seen["ball_displacement"].time
-        first_order = 0.5 * 9.81 * t * record.spec.settings["dt"]
+        first_order = 9.81 * t * record.spec.settings["dt"]
         error = seen["ball_displacement"].value + t + 0.5 * 9.81 * t**2
         assert (np.abs(error) <= 1.01 * first_order + 1e-7).all(), record.spec.engine
         np.testing.assert_allclose(seen["ball_velocity"].value[0], [0, 0, -1.0], atol=1e-6)
