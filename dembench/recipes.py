@@ -111,12 +111,12 @@ class Sensitivity(Model):
 
     Attributes:
         parameter: Its name; every block has a list of its values.
-        must_vary: Quantities that are known to depend on it: one that does not is flagged.
+        must_vary: Quantities that are known to depend on it: one that does not is flagged. Empty where none is.
         least_change: Smallest range over the parameter that counts, as a share of the largest magnitude.
     """
 
     parameter: str
-    must_vary: Annotated[tuple[str, ...], Field(min_length=1)]
+    must_vary: tuple[str, ...] = ()
     least_change: Positive = 0.02
 
 
@@ -125,7 +125,8 @@ class Page(Model):
 
     Attributes:
         figures: Observables that are drawn as in the common report.
-        curves: Observables that are drawn over time, each block against the range of the references.
+        curves: Observables that are drawn over time, each block against the range of the references; of one with
+            several components one of them, as `zones.zone2.M1`.
         start: Time from which `curves` are drawn [s].
         quantities: Columns of the table.
         costs: Quantities that are drawn against run time, as the difference from the mean of the references.

@@ -9,13 +9,20 @@ import pytest
 from typer.testing import CliRunner
 
 from dembench import recipes
-from dembench.cases.impact_scores import QUANTITIES
+from dembench.cases import drum_scores, impact_scores, silo_scores
+from dembench.cases import registry as cases_registry
 from dembench.cases.registry import parse_case
 from dembench.cli import app
 from dembench.engines import registry
 from dembench.runs.directory import find_runs
 from dembench.runs.plan import RequestError, parse_engines
 from dembench.scene import Overlap, save_scene
+
+QUANTITIES = {
+    "case1": silo_scores.QUANTITIES,
+    "case2": drum_scores.QUANTITIES,
+    "case3": impact_scores.QUANTITIES,
+}
 
 SMALL = """
 title = "Two stand-ins"
@@ -150,9 +157,10 @@ def test_the_recipes_of_the_package_ask_for_what_there_is(name: str, small_scene
             registry.engine(choice.engine).settings(small_scene(), block.division, choice.overrides)
         for text in request.what:
             case, parameters = parse_case(text)
-            case.check(parameters, request.preset or "quick")
-    if recipe.page is not None:
-        assert {*recipe.page.quantities, *recipe.page.costs} <= set(QUANTITIES)
+            case.check(parameters, request.preset or "quick", request.initial)
+            known = set(QUANTITIES[case.name])
+            assert recipe.page is None or {*recipe.page.quantities, *recipe.page.costs} <= known
+            assert recipe.sensitivity is None or set(recipe.sensitivity.must_vary) <= known
 
 
 @pytest.fixture
@@ -199,3 +207,57 @@ def test_a_run_that_fails_is_code_1_and_a_wrong_recipe_code_2(command) -> None:
     Path("small.toml").write_text("cases = 1")
     done = command("small.toml")
     assert done.exit_code == 2 and "title is missing" in done.output
+
+
+SWEEP = """
+title = "Does the fall depend on it?"
+cases = ["flight"]
+seeds = [0, 1]
+[parameters]
+PARAMETER = VALUES
+[[runs]]
+engines = ["standin"]
+[sensitivity]
+parameter = "PARAMETER"
+must_vary = ["fall"]
+[page]
+quantities = ["fall"]
+"""
+
+
+@pytest.fixture
+def sweep(command, monkeypatch):
+    """Runs a sweep over a parameter of the stand-in case."""
+    monkeypatch.setitem(cases_registry.BUILT_IN, "flight", "standin_case:Flight")
+    cases_registry.case.cache_clear()
+
+    def run(parameter: str, values: str):
+        Path("sweep.toml").write_text(SWEEP.replace("PARAMETER", parameter).replace("VALUES", values))
+        return command("sweep.toml", "--json")
+
+    yield run
+    cases_registry.case.cache_clear()
+
+
+def test_a_dead_parameter_is_flagged_and_a_live_one_is_not(sweep) -> None:
+    """In free flight the fall is g t^2/2 whatever the friction; its range over g from 5 to 10 is 2.5 t^2."""
+    dead = sweep("friction", "[0.0, 0.5]")
+    assert dead.exit_code == 1, dead.output
+    (found,) = json.loads(dead.stdout)["sensitivity"]
+    assert (found["verdict"], found["quantity"], found["parameter"]) == ("flat", "fall", "friction")
+    assert found["change"] == 0
+    assert "stays FLAT where it must vary with friction" in Path("runs/sweep.html").read_text()
+
+    live = sweep("gravity", "[5.0, 10.0]")
+    (found,) = json.loads(live.stdout)["sensitivity"]
+    assert live.exit_code == 0, live.output
+    assert found["verdict"] == "varies" and found["change"] == pytest.approx(2.5 * 0.01**2, rel=1e-9)
+    assert "FLAT" not in Path("runs/sweep.html").read_text()
+
+
+def test_words_are_swept_like_numbers_and_what_did_not_run_is_not_taken_for_an_answer(sweep, standin) -> None:
+    words = sweep("medium", '["air", "vacuum"]')
+    assert words.exit_code == 1 and json.loads(words.stdout)["sensitivity"][0]["verdict"] == "flat"
+    standin(standin=["crash", 4])
+    failed = sweep("gravity", "[3.0, 4.0]")
+    assert failed.exit_code == 1 and json.loads(failed.stdout)["sensitivity"][0]["verdict"] == "unknown"

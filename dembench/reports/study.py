@@ -88,7 +88,8 @@ def _section(recipe: Recipe, page: Page, problem: Problem, findings: Sequence[Fi
     if recipe.sensitivity is not None:
         curves = sensitivity.plot(recipe.sensitivity, problem, page.quantities, command)
         plots = [*([curves] if curves else []), *plots]
-        tables.insert(0, sensitivity.table(recipe.sensitivity, problem, findings))
+        if recipe.sensitivity.must_vary:
+            tables.insert(0, sensitivity.table(recipe.sensitivity, problem, findings))
     return Section(
         name=problem.name,
         title=problem.title,

@@ -50,7 +50,7 @@ def _curves(problem: Problem, name: str, start: float, command: str) -> Plot | N
         label = labelled(shown[0].title.partition(" of ")[0].removeprefix("Vertical ").capitalize(), unit)
         panels.append(Panel(label, tuple(lines), band, title=own[0].title.capitalize()))
     return Plot(
-        name=f"{problem.name}-{name}".replace("_", "-"),
+        name=f"{problem.name}-{name}-curves".replace("_", "-").replace(".", "-"),
         title=shown[0].title,
         caption="One panel per kind of variant; of several seeds the first is drawn."
         + (" Band and thin line: range and mean of the references." if band else ""),
@@ -65,10 +65,18 @@ def _label(variant: Variant) -> str:
 
 
 def _series(variant: Variant, name: str, start: float) -> list[Observed]:
-    """A series of every seed, from a time on [s]."""
-    found = [m.shown.observables[name] for m in variant.ended if name in m.shown.observables]
-    kept = [(o, o.time >= start * (1 - 1e-9)) for o in found]
+    """A series of every seed, from a time on [s]; of an observable with components the one that is named."""
+    observable, _, component = name.partition(".")
+    found = [m.shown.observables[observable] for m in variant.ended if observable in m.shown.observables]
+    if component:
+        found = [_component(o, component) for o in found if component in o.components]
+    kept = [(o, o.time >= start * (1 - 1e-9)) for o in found if o.value.ndim == 1]
     return [replace(o, step=o.step[rows], time=o.time[rows], value=o.value[rows]) for o, rows in kept if rows.any()]
+
+
+def _component(observed: Observed, name: str) -> Observed:
+    title = f"{observed.title}: {name}"
+    return replace(observed, title=title, value=observed.value[:, observed.components.index(name)], components=())
 
 
 def _band(references: Sequence[Observed], factor: float, scale: float) -> tuple[Known, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.stats import studentized_range
@@ -63,5 +64,11 @@ def response(samples: Sequence[Sequence[float]], least_change: float) -> Respons
     if free:
         deviation = np.sqrt(sum(((values - values.mean()) ** 2).sum() for values in known) / free)
         seeds = len(counts) / (1 / counts).sum()
-        scatter = float(studentized_range.ppf(CONFIDENCE, len(known), free) * deviation / np.sqrt(seeds))
+        scatter = float(_largest_range(len(known), free) * deviation / np.sqrt(seeds))
     return Response(float(np.ptp(means)), scatter, float(least_change * np.abs(means).max()))
+
+
+@cache
+def _largest_range(means: int, free: int) -> float:
+    """Range of equal means over their standard error, at `CONFIDENCE`; `free`: degrees of freedom of that error."""
+    return float(studentized_range.ppf(CONFIDENCE, means, free))

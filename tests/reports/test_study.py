@@ -85,7 +85,7 @@ def test_errors_are_differences_from_the_references_against_run_time(read: Page)
 
 
 def test_curves_stand_in_one_panel_per_family_with_the_band_of_the_references(read: Page) -> None:
-    data = read.figures["scene1-ball-displacement"].data
+    data = read.figures["scene1-ball-displacement-curves"].data
     assert [panel["label"] for panel in data["panels"]] == ["Displacement [mm]"] * 2
     assert data["panels"][0]["lines"][0]["x"][0] == 20
     assert [line["label"] for line in data["panels"][0]["lines"]] == ["sweeps: 8", "sweeps: 32"]
