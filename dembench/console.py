@@ -90,6 +90,7 @@ def plan_rows(runs: Sequence[PlannedRun], fresh: bool) -> list[dict[str, Any]]:
             "cores": run.spec.cores,
             "estimate": run.spec.estimate,
             "before": run.before.label() if run.before else None,
+            "checkpoint": run.checkpoint.time if run.checkpoint and not fresh else None,
             "detail": "; ".join(run.unsupported) or run.probe.reason,
         }
         for run in runs
@@ -193,7 +194,7 @@ class Display:
             return
         self._shown[name] = (state, time.monotonic())
         if job.status is None:
-            line(f"{name}: {state} {job.progress.fraction:.0%} ({job.run.spec.label()})")
+            line(f"{name}: {state} {_reached(job)} ({job.run.spec.label()})")
         else:
             line(f"{name}: {_ending(job)}")
         sys.stdout.flush()
@@ -206,7 +207,9 @@ def _ending(job: Job) -> str:
         parts.append("reused")
     elif job.status.wall is not None:
         parts.append(duration(job.status.wall))
-    parts += [text for text in (job.status.detail, job.status.install and f"install: {job.status.install}") if text]
+    parts += [f"gone on from t = {there.time:.4g} s" for there in job.status.resumed[-1:]]
+    notes = (job.status.note, job.status.detail, job.status.install and f"install: {job.status.install}")
+    parts += [text for text in notes if text]
     if job.status.contended:
         parts.append("contended")
     return ", ".join(parts)
@@ -214,8 +217,8 @@ def _ending(job: Job) -> str:
 
 def _jobs_table(jobs: Sequence[Job]) -> Table:
     made = Table(box=None, pad_edge=False, header_style="bold")
-    for column in ("run", "engine", "state", "done", "time", "left", "memory", ""):
-        made.add_column(column, no_wrap=column in ("state", "done", "time", "left", "memory"), overflow="fold")
+    for column in ("run", "engine", "state", "simulated", "done", "time", "left", "memory", ""):
+        made.add_column(column, no_wrap=column not in ("run", "engine", ""), overflow="fold")
     for job in jobs:
         progress, state = job.progress, _state(job)
         running = state == "running"
@@ -224,13 +227,21 @@ def _jobs_table(jobs: Sequence[Job]) -> Table:
             Text(job.run.spec.name()),
             Text(job.run.spec.label()),
             Text(job.status.label() if job.status else state or "waiting", style=COLOURS.get(state or "", "")),
-            Text(f"{progress.fraction:.0%}" if running else ""),
+            Text(f"{progress.time:.4g} of {job.run.spec.duration:.4g} s" if running else ""),
+            Text(f"{progress.fraction:.1%}" if running else ""),
             Text(duration(elapsed) if elapsed else ""),
             Text(_left(job) if running else ""),
             Text(f"{progress.memory / 1e6:.0f} MB" if progress.memory else ""),
             Text("reused" if job.action == "reuse" else progress.note, style="bright_black"),
         )
     return made
+
+
+def _reached(job: Job) -> str:
+    """How far a run is, for a line: `t = 0.31 of 5 s, 6.2%, 3 h 20 min left`."""
+    progress, left = job.progress, _left(job)
+    share = f"t = {progress.time:.4g} of {job.run.spec.duration:.4g} s, {progress.fraction:.1%}"
+    return f"{share}, {left} left" if left else share
 
 
 def _state(job: Job) -> str | None:

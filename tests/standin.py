@@ -12,7 +12,18 @@ from typing import Any, ClassVar
 import numpy as np
 
 from dembench.engines import registry
-from dembench.engines.base import Engine, EngineSettings, Frame, FrameFiles, Phase, Probe, Series, Timing, Tracks
+from dembench.engines.base import (
+    Checkpoint,
+    Engine,
+    EngineSettings,
+    Frame,
+    FrameFiles,
+    Phase,
+    Probe,
+    Series,
+    Timing,
+    Tracks,
+)
 from dembench.scene import Scene
 
 PROGRAM = Path(__file__).with_name("standin_program.py")
@@ -68,6 +79,23 @@ class StandIn(Engine):
                 **fields,
             )
         (directory / "deck.txt").write_text("the text of the deck\n")
+        return self._phases()
+
+    def checkpoint(self, scene: Scene, settings: Any, directory: Path) -> Checkpoint | None:
+        """Every second frame is one: the last one with an even number."""
+        files = sorted((directory / "frames").glob("*.npz"))[::2]
+        if not files:
+            return None
+        with np.load(files[-1]) as last:
+            return Checkpoint(step=int(last["step"]), time=float(last["time"]))
+
+    def resume(self, scene: Scene, settings: Any, directory: Path) -> list[Phase] | None:
+        files = sorted((directory / "frames").glob("*.npz"))
+        for later in files[2 * ((len(files) - 1) // 2) + 1 :]:
+            later.rename(directory / "prepared" / later.name)
+        return self._phases()
+
+    def _phases(self) -> list[Phase]:
         return [Phase(name="simulate", command=(sys.executable, "-S", str(PROGRAM), self.name))]
 
     def read(self, scene: Scene, settings: Any, directory: Path) -> Series:
@@ -109,6 +137,13 @@ class Picky(StandIn):
         return ["polydisperse: all radii must be equal"]
 
 
+class Forgetful(StandIn):
+    name: ClassVar[str] = "standin-forgetful"
+
+    def resume(self, scene: Scene, settings: Any, directory: Path) -> list[Phase] | None:
+        raise ValueError("the checkpoint is of another world")
+
+
 class Wordless(StandIn):
     name: ClassVar[str] = "standin-wordless"
 
@@ -116,7 +151,7 @@ class Wordless(StandIn):
         raise OSError("no ink left")
 
 
-ENGINES = {c.name: f"standin:{c.__name__}" for c in (StandIn, Coarse, Absent, Picky, Wordless)}
+ENGINES = {c.name: f"standin:{c.__name__}" for c in (StandIn, Coarse, Absent, Picky, Forgetful, Wordless)}
 
 
 def _load(step: int, time: float, path: Path) -> Frame:

@@ -191,7 +191,8 @@ def test_plan_shows_what_would_run_and_runs_nothing(command, scene_file):
 
 def test_without_engines_all_that_are_there_are_used(command, scene_file):
     planned = json.loads(command("plan", scene_file, "--json").stdout)
-    assert {r["engine"] for r in planned} == {"standin", "standin-coarse", "standin-picky", "standin-wordless"}
+    names = ("standin", "standin-coarse", "standin-picky", "standin-forgetful", "standin-wordless")
+    assert {r["engine"] for r in planned} == set(names)
 
 
 def test_write_makes_a_deck_and_says_how_to_run_it(command, scene_file):
@@ -326,6 +327,8 @@ def test_a_killed_command_takes_its_engine_along_and_a_second_one_completes_the_
     assert _states(out) == {"standin": "ok", "standin-coarse": "ok"}
     assert finished.stat().st_mtime_ns == before, "the finished run was not touched"
     assert _rows(out, "standin") == 11
+    assert [r.time for r in _record(out, "standin").status.resumed] == pytest.approx([4e-3])
+    assert "gone on from t = 0.004 s" in output
 
 
 def test_killing_the_engine_fails_its_run_and_the_command_goes_on(process, tmp_path):

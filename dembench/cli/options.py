@@ -32,13 +32,13 @@ Initial = Annotated[Path | None, typer.Option(help="file or directory with the p
 Seeds = Annotated[str | None, typer.Option(help="seeds of initial states, as 1,2,3; default: 0")]
 Repeat = Annotated[int | None, typer.Option(min=1, max=1000, help="timing samples of each run; default: 1")]
 Time = Annotated[str | None, typer.Option(help="cut the simulated time, as 0.04")]
-Timeout = Annotated[str | None, typer.Option(help="time limit of each run, as 45s, 30m, 2h; default: 6h")]
+Timeout = Annotated[str | None, typer.Option(help="time limit of each attempt at a run, as 45s, 2h; default: 6h")]
 DivisionName = Annotated[
     Literal["closed", "open"] | None,
     typer.Option(help="same law and step, or each engine's best way; default: closed"),
 ]
 Out = Annotated[Path, typer.Option(help="directory of the runs")]
-Fresh = Annotated[bool, typer.Option("--fresh", help="run finished runs again")]
+Fresh = Annotated[bool, typer.Option("--fresh", help="run finished runs again, interrupted ones from the start")]
 Json = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 

@@ -56,7 +56,8 @@ def run(
 ) -> None:
     """Runs cases, scene files or a recipe on engines, scores them and writes the report.
 
-    Finished runs are reused. What is typed replaces what a recipe says; of its engines `--engines` names those to run.
+    Finished runs are reused, interrupted ones go on from their last checkpoint. What is typed replaces what a recipe
+    says; of its engines `--engines` names those to run.
     Exit code 0: every run is ok, or of a recipe has come to its end, accurate or not; 1: one is not, or a curve of a
     recipe stays flat where it must not; 2: a usage error.
     """
@@ -99,7 +100,7 @@ def plan(
     fresh: Fresh = False,
     json_: Json = False,
 ) -> None:
-    """Shows what `run` would do: each run with its hash, whether it is reused, and its estimated time."""
+    """Shows what `run` would do: each run, whether it is reused or gone on with, and its estimated time."""
     with usage_errors():
         options = given(
             initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
@@ -120,7 +121,7 @@ def plan(
                 r["engine"],
                 str(r["repeat"]),
                 str(r["cores"]),
-                r["action"],
+                r["action"] if r["checkpoint"] is None else f"{r['action']} from t = {r['checkpoint']:.4g} s",
                 console.duration(r["estimate"]),
                 r["before"] or "-",
             )

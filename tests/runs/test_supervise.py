@@ -5,39 +5,24 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from functools import partial
 from pathlib import Path
 
 import psutil
 import pytest
 from conftest import wait_for
+from supervising import CORES, gone, only_record, pids, planned_runs, supervise
 
 from dembench.results import Result, read, validate
 from dembench.runs.directory import Occupied, find_runs
 from dembench.runs.environment import available_cores
-from dembench.runs.plan import EngineChoice, SceneChoice, plan
 from dembench.runs.scheduler import Job, Scheduler
 from dembench.runs.states import Verdict
-from dembench.runs.supervise import Supervisor
-
-CORES = available_cores()[:1]
 
 
 @pytest.fixture
 def planned(small_scene, tmp_path):
-    def make(*engines, timeout=None, repeats=1, **settings):
-        choices = [EngineChoice(name, settings) for name in engines]
-        scene = SceneChoice("small.json", None, 0, small_scene())
-        return plan([scene], choices, tmp_path / "runs", timeout=timeout, repeats=repeats)
-
-    return make
-
-
-def supervise(run, **options):
-    return Supervisor(run, CORES, options.pop("stop", threading.Event()), **options).run()
-
-
-def only_record(planned_run):
-    return find_runs(planned_run.directory.path)[0]
+    return partial(planned_runs, small_scene(), tmp_path / "runs")
 
 
 def test_a_run_that_ends_well(standin, planned):
@@ -134,24 +119,15 @@ def test_a_deck_that_cannot_be_written(standin, planned):
     assert "no ink left" in status.detail and "Traceback" in status.log_tail
 
 
-def _pids(run):
-    path = run.directory.deck / "pids"
-    return [int(pid) for pid in path.read_text().split()] if path.exists() and path.read_text() else []
-
-
-def _gone(pid):
-    return not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
-
-
 @pytest.mark.parametrize("mode", ["hang", "ignore"])
 def test_a_timeout_ends_the_whole_process_tree(standin, planned, mode):
     standin(standin=[mode, 5])
     (run,) = planned("standin", timeout=4)
     status = supervise(run)
     assert status.state == "timeout" and "4 s" in status.detail
-    assert len(_pids(run)) == 2
-    for pid in _pids(run):
-        wait_for(lambda pid=pid: _gone(pid))
+    assert len(pids(run)) == 2
+    for pid in pids(run):
+        wait_for(lambda pid=pid: gone(pid))
     assert len(read(run.directory.result).observables["ball_displacement"].time) == 5
 
 
@@ -161,11 +137,11 @@ def test_killing_the_engine_is_a_failure_and_leaves_nothing_behind(standin, plan
     statuses = []
     thread = threading.Thread(target=lambda: statuses.append(supervise(run)))
     thread.start()
-    engine, grandchild = wait_for(lambda: len(_pids(run)) == 2 and _pids(run))
+    engine, grandchild = wait_for(lambda: len(pids(run)) == 2 and pids(run))
     os.kill(engine, signal.SIGKILL)
     thread.join(30)
     assert (statuses[0].state, statuses[0].reason, statuses[0].signal) == ("failed", "signal", "SIGKILL")
-    wait_for(lambda: _gone(grandchild))
+    wait_for(lambda: gone(grandchild))
 
 
 def test_an_interrupt_keeps_the_partial_result(standin, planned):
@@ -174,7 +150,7 @@ def test_an_interrupt_keeps_the_partial_result(standin, planned):
     stop, statuses = threading.Event(), []
     thread = threading.Thread(target=lambda: statuses.append(supervise(run, stop=stop)))
     thread.start()
-    wait_for(lambda: len(_pids(run)) == 2)
+    wait_for(lambda: len(pids(run)) == 2)
     stop.set()
     thread.join(30)
     assert statuses[0].state == "interrupted"
@@ -299,7 +275,7 @@ def test_the_engine_runs_on_its_cores_only(standin, planned):
     thread = threading.Thread(target=lambda: supervise(run, stop=stop))
     thread.start()
     try:
-        for pid in wait_for(lambda: len(_pids(run)) == 2 and _pids(run)):
+        for pid in wait_for(lambda: len(pids(run)) == 2 and pids(run)):
             assert psutil.Process(pid).cpu_affinity() == list(CORES)
     finally:
         stop.set()
