@@ -15,6 +15,7 @@ from dembench.campaign import Request, is_file, seconds
 from dembench.cases import registry as cases
 from dembench.cases.base import Preset
 from dembench.engines.base import Division
+from dembench.initial.fetch import initial_state
 from dembench.plugins import nearest
 from dembench.runs.plan import RequestError
 from dembench.scene.base import Model, NotNegative, Positive
@@ -94,7 +95,7 @@ class Block(Model):
         preset = changes.get("preset", self.preset)
         fields: dict[str, Any] = {
             "preset": preset,
-            "initial": self.initial if preset == "published" else None,
+            "initial": initial_state(self.initial) if preset == "published" else None,
             "division": self.division,
             "seeds": self.seeds,
             "repeats": self.repeats,

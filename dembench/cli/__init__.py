@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dembench import __version__, console
-from dembench.cli import initial, inspection, results, run, verify
+from dembench.cli import data, initial, inspection, results, run, verify
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -31,6 +31,7 @@ for verb in (
 ):
     app.command()(verb)
 app.add_typer(initial.app, name="initial")
+app.add_typer(data.app, name="data")
 
 
 @app.callback(invoke_without_command=True)

@@ -14,6 +14,7 @@ from dembench import campaign, console
 from dembench.cases.base import CaseError
 from dembench.engines.base import SettingsError
 from dembench.engines.registry import UnknownEngine
+from dembench.initial.fetch import initial_state
 from dembench.initial.rows import CoordinatesError
 from dembench.runs.plan import RequestError
 from dembench.scene import SceneError
@@ -28,7 +29,7 @@ What = Annotated[
 OneScene = Annotated[str, typer.Argument(metavar="CASE_OR_SCENE", help="case3[bed=25k], or a scene file *.json")]
 Engines = Annotated[str | None, typer.Option(help="a,b[dt=1e-6,...]; default: all that are installed")]
 PresetName = Annotated[Literal["quick", "published"] | None, typer.Option(help="default: quick")]
-Initial = Annotated[Path | None, typer.Option(help="file or directory with the published initial state")]
+Initial = Annotated[Path | None, typer.Option(help="file or directory with the published initial state, or dosta2024")]
 Seeds = Annotated[str | None, typer.Option(help="seeds of initial states, as 1,2,3; default: 0")]
 Repeat = Annotated[int | None, typer.Option(min=1, max=1000, help="timing samples of each run; default: 1")]
 Time = Annotated[str | None, typer.Option(help="cut the simulated time, as 0.04")]
@@ -66,9 +67,10 @@ def given(
 
     Raises:
         RequestError: A text is no time or no list of seeds.
+        FetchError: The initial state is a data set that is not in the cache.
     """
     fields = {
-        "initial": initial,
+        "initial": initial_state(initial),
         "preset": preset,
         "division": division,
         "seeds": campaign.whole_numbers(seeds) if seeds is not None else None,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import numpy as np
 
@@ -67,19 +67,19 @@ def find_file(given: Path, name: str) -> Path:
         return given
     if not given.is_dir():
         raise CoordinatesError(f"{given}: no such file or directory; give the file of the {name} or its directory")
-    patterns = FILES[name]
-    found = [path for path in sorted(given.rglob("*.txt")) if path.is_file() and _known(path, patterns)]
+    found = [path for path in sorted(given.rglob("*.txt")) if path.is_file() and name in names_of(path.resolve())]
     if not found:
-        raise CoordinatesError(f"{given}: no file of the {name} there; accepted are {', '.join(patterns)}")
+        raise CoordinatesError(f"{given}: no file of the {name} there; accepted are {', '.join(FILES[name])}")
     if len(found) > 1:
         names = ", ".join(str(path.relative_to(given)) for path in found)
         raise CoordinatesError(f"{given}: {names} can all be the {name}; give one of them")
     return found[0]
 
 
-def _known(path: Path, patterns: Sequence[str]) -> bool:
-    ending = "/".join(path.resolve().parts[-2:]).lower()
-    return any(fnmatchcase(ending, pattern) for pattern in patterns)
+def names_of(path: PurePath) -> list[str]:
+    """The names in `FILES` by which a path is known, from its last directory and its file name."""
+    ending = "/".join(path.parts[-2:]).lower()
+    return [name for name, patterns in FILES.items() if any(fnmatchcase(ending, pattern) for pattern in patterns)]
 
 
 def read_coordinates(path: Path, radii: Sequence[float] | None = None, ball: float | None = None) -> Coordinates:
