@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal, Protocol
 import numpy as np
 
 from dembench.cases.run_times import RunTime, published_run_times
+from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.progress import Progress
 from dembench.scene import Scene
 from dembench.scene.base import Model
@@ -177,3 +178,11 @@ class Case(ABC):
     def run_times(self, parameters: Any, preset: Preset) -> list[RunTime]:
         """Run times that others have published of this case with these parameters; none of a preset of our own."""
         return published_run_times(self.name, parameters) if preset == "published" else []
+
+    def figures(self, scene: Scene) -> list[CaseFigure]:
+        """Figures that a page shows beside the time series of a scene of this case."""
+        return []
+
+    def pictures(self, scene: Scene) -> list[Picture]:
+        """Pictures of the particles that a page shows of a scene of this case."""
+        return []

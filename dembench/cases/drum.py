@@ -7,10 +7,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from dembench.cases import drum_scores
+from dembench.cases import drum_scores, drum_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
+from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.filling import TALL, Filling, Layer
 from dembench.initial.progress import Progress
 from dembench.initial.published import read_coordinates
@@ -118,6 +119,14 @@ class Drum(Case):
     def reference_curves(self, scene: Scene, parameters: DrumParameters, preset: Preset) -> list[Curve]:
         """See `Case.reference_curves`."""
         return drum_scores.curves(scene, parameters, preset)
+
+    def figures(self, scene: Scene) -> list[CaseFigure]:
+        """See `Case.figures`."""
+        return drum_views.figures(scene)
+
+    def pictures(self, scene: Scene) -> list[Picture]:
+        """See `Case.pictures`."""
+        return drum_views.pictures(scene)
 
 
 def filling(preset: Preset) -> Filling:

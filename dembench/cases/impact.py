@@ -8,10 +8,11 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from dembench.cases import impact_scores
+from dembench.cases import impact_scores, impact_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.initial_states import bed, given_coordinates, given_file
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published
+from dembench.cases.views import Picture
 from dembench.initial.filling import LOOSE, Filling, Layer, Protocol
 from dembench.initial.progress import Progress
 from dembench.initial.published import read_coordinates
@@ -108,6 +109,10 @@ class Impact(Case):
         """See `Case.reference_curves`."""
         known = parameters.bed if preset == "published" and not parameters.changed() else None
         return impact_scores.curves(scene, published("impact"), known)
+
+    def pictures(self, scene: Scene) -> list[Picture]:
+        """See `Case.pictures`."""
+        return impact_views.pictures(scene)
 
 
 def _box() -> Box:

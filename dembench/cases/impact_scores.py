@@ -219,10 +219,11 @@ def curves(scene: Scene, published: Mapping[str, Any], bed: str | None) -> list[
             low, high = np.array(entry["low"]), np.array(entry["high"])
             points = np.array(entry["time"]), np.array(entry["value"])
             source = f"{entry['source']}; doi {published['doi']}"
-            found.append(Curve(entry["observable"], entry["label"], *points, low, high, source))
+            found.append(Curve(entry["observable"], entry["label"], *points, low, high, source, points=True))
     for reference in references(scene, published, bed):
         if reference.quantity == "end_point" and reference.value is not None and reference.low is not None:
             band = (np.array([reference.low]), np.array([reference.high]))
             point = (np.array([scene.duration]), np.array([reference.value]))
-            found.append(Curve("ball_displacement", "published end point", *point, *band, reference.source))
+            label = "published end point"
+            found.append(Curve("ball_displacement", label, *point, *band, reference.source, points=True))
     return found

@@ -7,10 +7,11 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from dembench.cases import silo_scores
+from dembench.cases import silo_scores, silo_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
+from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.filling import TALL, Filling, Layer
 from dembench.initial.progress import Progress
 from dembench.initial.published import read_centres
@@ -132,6 +133,14 @@ class Silo(Case):
     def reference_curves(self, scene: Scene, parameters: SiloParameters, preset: Preset) -> list[Curve]:
         """See `Case.reference_curves`."""
         return silo_scores.curves(scene, parameters, preset)
+
+    def figures(self, scene: Scene) -> list[CaseFigure]:
+        """See `Case.figures`."""
+        return silo_views.figures(scene)
+
+    def pictures(self, scene: Scene) -> list[Picture]:
+        """See `Case.pictures`."""
+        return silo_views.pictures(scene)
 
 
 def filling(parameters: SiloParameters, preset: Preset) -> Filling:

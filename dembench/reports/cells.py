@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dembench.reports.entries import Member
+from dembench.reports.entries import Ensemble, Member
 from dembench.reports.svg import variable
 from dembench.reports.tables import Cell
 
 STATE_NAMES = {"unscored": "ok, unscored"}
 
 
-def run_cell(member: Member, detail: str = "") -> Cell:
-    """A member's name with the colour of its curves."""
+def run_cell(member: Member | Ensemble, detail: str = "") -> Cell:
+    """The name of a member or of an engine with all its seeds, with the colour of its curves."""
     return Cell(member.label, member.label, colour=variable(member.shown.look.colour), detail=detail)
 
 
-def state_cell(state: str) -> Cell:
+def state_cell(state: str, detail: str = "") -> Cell:
     """A run state as a word with its mark."""
-    return Cell(STATE_NAMES.get(state, state), mark=f"state {state}")
+    return Cell(STATE_NAMES.get(state, state), mark=f"state {state}", detail=detail)

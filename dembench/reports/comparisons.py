@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import statistics
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from dembench.reports.cells import run_cell, state_cell
-from dembench.reports.entries import Entry, Group, Member, common_times
+from dembench.reports.entries import Ensemble, Entry, Group, Member, common_times
 from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers, significant
 from dembench.reports.timings import RATIO, loop_cells, marks_explained, ratios
 from dembench.reports.units import measure, shown_in
@@ -22,7 +24,10 @@ MOST_OUTSIDE = 2
 
 
 def verdicts(group: Group, title: str) -> Table:
-    """One row per member: state, verdict in words, quantities that have a reference, loop time, ratio."""
+    """One row per engine and setting: state, verdict in words, leading quantities, loop time, ratio.
+
+    Of several seeds the quantities are means with their standard deviations, and the loop time is the median.
+    """
     columns = [
         Column("Engine", kind="long"),
         Column("State"),
@@ -30,22 +35,58 @@ def verdicts(group: Group, title: str) -> Table:
         Column("Loop time", "s", "number"),
         RATIO,
     ]
-    cells = [loop_cells(group, [m.loop for m in group.members]), ratios(group)]
-    for name in _leading_quantities(group):
-        scores = [_score(member.shown, name) for member in group.members]
-        known = next(s.quantity for s in scores if s is not None)
-        factor, unit = shown_in(known.unit, [s.quantity.value for s in scores if s is not None])
+    rows = group.ensembles
+    cells = [loop_cells(rows), ratios(rows)]
+    for name in leading_quantities(group):
+        known = next(s.quantity for m in group.members for s in m.shown.scores if s.quantity.name == name)
+        values = [_values(e, name) for e in rows]
+        factor, unit = shown_in(known.unit, [v for own in values for v in own])
         columns.append(Column(known.title, unit, "number wide"))
-        cells.append(numbers([None if s is None else s.quantity.value * factor for s in scores], digits=4, most=4))
-    rows = [
-        (run_cell(m), state_cell(m.state), Cell(verdict_text(m)), *(column[k] for column in cells))
-        for k, m in enumerate(group.members)
+        means = numbers([factor * statistics.fmean(own) if own else None for own in values], digits=4, most=4)
+        cells.append([_with_deviation(cell, own, factor) for cell, own in zip(means, values, strict=True)])
+    table = [
+        (
+            run_cell(e, _seeds(e)),
+            state_cell(e.state, _share(e)),
+            Cell(verdict_text(e)),
+            *(column[k] for column in cells),
+        )
+        for k, e in enumerate(rows)
     ]
-    return Table(f"{group.name}-verdicts", title, tuple(columns), tuple(rows), footnotes=marks_explained(cells[:1]))
+    note = "Of several seeds: mean ± standard deviation, median of the loop times." if group.seeded else ""
+    marks = marks_explained(cells[:1])
+    return Table(f"{group.name}-verdicts", title, tuple(columns), tuple(table), note, marks, group.tag)
 
 
-def verdict_text(member: Member) -> str:
-    """What came of a run, in a sentence."""
+def _values(ensemble: Ensemble, name: str) -> list[float]:
+    """A quantity of every seed; of a run that did not come to its end where it is alone."""
+    alone = ensemble.shown.quantity(name) if len(ensemble.members) == 1 else None
+    return ensemble.values(name) or ([] if alone is None else [alone])
+
+
+def _with_deviation(cell: Cell, values: Sequence[float], factor: float) -> Cell:
+    if len(values) < 2:
+        return cell
+    return replace(cell, detail=f"± {significant(factor * statistics.stdev(values), 2)}")
+
+
+def _seeds(ensemble: Ensemble) -> str:
+    return f"{len(ensemble.members)} seeds" if len(ensemble.members) > 1 else ""
+
+
+def _share(ensemble: Ensemble) -> str:
+    """How many of several seeds are in the state that stands for all."""
+    if len(ensemble.members) == 1:
+        return ""
+    return f"{sum(m.state == ensemble.state for m in ensemble.members)} of {len(ensemble.members)}"
+
+
+def verdict_text(member: Member | Ensemble) -> str:
+    """What came of a run, or of the first of several seeds that is in the state of all, in a sentence."""
+    if isinstance(member, Ensemble):
+        worst = next(m for m in member.members if m.state == member.state)
+        several = len(member.members) > 1
+        return (f"Seed {worst.shown.spec.seed}: " if several else "") + verdict_text(worst)
     entry = next((e for e in member.entries if e.state == member.state), member.shown)
     status = entry.status
     judged = [s for s in entry.scores if s.within is not None]
@@ -97,12 +138,12 @@ def _outside(score: Score) -> str:
     known = [v for v in (reference.low, reference.high) if v is not None]
     factor, unit = shown_in(quantity.unit, known)
     places = decimals([v * factor for v in known], digits=4, most=4)
-    accepted = _range(reference.low, reference.high, factor, places)
+    inside = accepted(reference.low, reference.high, factor, places)
     name = quantity.title[:1].lower() + quantity.title[1:]
-    return f"{name} {grouped(quantity.value * factor, places)} {unit} (accepted {accepted})"
+    return f"{name} {grouped(quantity.value * factor, places)} {unit} (accepted {inside})"
 
 
-def _leading_quantities(group: Group, most: int = 3) -> list[str]:
+def leading_quantities(group: Group, most: int = 3) -> list[str]:
     """Quantities with a reference that is more than a necessary condition, then others, in the order of the case."""
     scores = [s for m in group.members for s in m.shown.scores]
     named = dict.fromkeys(s.quantity.name for s in scores if s.reference and not s.reference.necessary)
@@ -120,9 +161,9 @@ def _score(entry: Entry, name: str) -> Score | None:
 
 
 def quantities(group: Group) -> Table | None:
-    """One row per quantity and reference, one column per run; None where the case has no quantities."""
+    """One row per quantity and reference, one column per run; None where there are none, or several seeds to show."""
     members = [m for m in group.members if m.shown.scores]
-    if not members:
+    if not members or group.seeded:
         return None
     keys = dict.fromkeys(_key(s) for m in members for s in m.shown.scores)
     order = list(dict.fromkeys(key[0] for key in keys))
@@ -142,7 +183,8 @@ def quantities(group: Group) -> Table | None:
         "\u2713 lies within the accepted range, \u2260 outside; without a sign nothing is judged.",
         *(f"[{k + 1}] {source}" for k, source in enumerate(sources)),
     )
-    return Table(f"{group.name}-quantities", "Quantities and references", columns, tuple(rows), footnotes=notes)
+    title = "Quantities and references"
+    return Table(f"{group.name}-quantities", title, columns, tuple(rows), footnotes=notes, tag=group.tag)
 
 
 Key = tuple[str, float | None, float | None, float | None, str]
@@ -169,7 +211,7 @@ def _quantity_row(key: Key, members: Sequence[Member], sources: Sequence[str]) -
         Cell(one.quantity.title),
         Cell(unit),
         Cell() if value is None else Cell(grouped(value * factor, places), value * factor),
-        Cell(_range(low, high, factor, places)),
+        Cell(accepted(low, high, factor, places)),
         *(_scored_cell(s, factor, places) for s in found),
         Cell(kind),
         Cell(f"[{sources.index(source) + 1}]") if source else Cell(),
@@ -187,7 +229,8 @@ def _scored_cell(score: Score | None, factor: float, places: int) -> Cell:
     return Cell(grouped(value, places), value, detail=detail, tone=tone)
 
 
-def _range(low: float | None, high: float | None, factor: float, places: int) -> str:
+def accepted(low: float | None, high: float | None, factor: float, places: int) -> str:
+    """A range of accepted values as text; empty where nothing is judged."""
     lower, upper = ("" if v is None else grouped(v * factor, places) for v in (low, high))
     if lower and upper:
         return f"{lower} to {upper}"
@@ -197,14 +240,20 @@ def _range(low: float | None, high: float | None, factor: float, places: int) ->
 # ---- differences
 
 
+def comparable(group: Group, name: str) -> list[tuple[Member, Member]]:
+    """Pairs of complete runs that recorded a series, from one initial state: that of the lowest seed of several."""
+    having = [m for m in group.members if m.shown.complete and name in m.shown.observables]
+    first = min((m.shown.spec.seed for m in having), default=0)
+    return list(itertools.combinations([m for m in having if m.shown.spec.seed == first], 2))
+
+
 def differences(group: Group) -> Table | None:
     """Largest and root-mean-square difference of the tracked displacements of each two runs; None without two."""
     scene = group.first.scene
     names = [f"{o.name}_displacement" for o in scene.observables if isinstance(o, Trajectory)] if scene else []
     found = []
     for name in names:
-        having = [m for m in group.members if m.shown.complete and name in m.shown.observables]
-        for a, b in itertools.combinations(having, 2):
+        for a, b in comparable(group, name):
             first, second = a.shown.observables[name], b.shown.observables[name]
             rows, other = common_times(first, second)
             if len(rows) > 1:
@@ -235,5 +284,7 @@ def differences(group: Group) -> Table | None:
         "Differences between runs",
         columns,
         table,
-        note="Between each two runs that reached the end, over the times that both recorded.",
+        note="Between each two runs that reached the end, over the times that both recorded."
+        + (" Of several seeds the lowest is compared." if group.seeded else ""),
+        tag=group.tag,
     )

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from dembench.reports.comparisons import comparable
 from dembench.reports.entries import Group, Member, common_times
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.svg import MUTED
@@ -18,14 +18,16 @@ from dembench.scene import Energy, Scene, Trajectory
 MOST_PANELS = 6
 MOST_PAIRS = 6
 MOST_POINTS = 2000
+LEAST_SEEDS = 3
+"""Smallest number of seeds that are drawn as one line with a band."""
 
 
-def plots(group: Group, command: str) -> list[Plot]:
-    """The figures of a group, in the order of the scene's observables."""
+def plots(group: Group, command: str, without: set[str]) -> list[Plot]:
+    """The figures of a group's series, in the order of the scene's observables, `without` those shown elsewhere."""
     if group.first.scene is None:
         return []
     found = []
-    hidden = _hidden(group.first.scene)
+    hidden = _hidden(group.first.scene) | without
     for name in _names(group):
         if name not in hidden:
             found.append(_plot(group, name, command))
@@ -34,14 +36,50 @@ def plots(group: Group, command: str) -> list[Plot]:
     return found
 
 
+# ---- seeds
+
+
+def bundles(group: Group, has: Callable[[Member], bool]) -> list[tuple[Member, ...]]:
+    """What is drawn as one curve each: three or more complete seeds of an engine together, other members alone.
+
+    Args:
+        group: The group.
+        has: Whether a member has something to draw.
+    """
+    found: list[tuple[Member, ...]] = []
+    for ensemble in group.ensembles:
+        able = [m for m in ensemble.members if has(m)]
+        together = [m for m in able if m in ensemble.ended]
+        if len(together) < LEAST_SEEDS:
+            together = []
+        found += [tuple(together)] if together else []
+        found += [(m,) for m in able if m not in together]
+    return found
+
+
+def label_of(members: Sequence[Member]) -> str:
+    """Text of the legend for members that are drawn as one curve."""
+    return members[0].label if len(members) == 1 else f"{members[0].shown.spec.label()}, {len(members)} seeds"
+
+
+def merged(values: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+    """Median, lowest and highest of curves over the same places, shape (n,); one curve has no range."""
+    if len(values) == 1:
+        return values[0], None, None
+    stacked = np.array(values)
+    return np.median(stacked, axis=0), stacked.min(axis=0), stacked.max(axis=0)
+
+
+# ---- series
+
+
 def _displacements(scene: Scene) -> list[str]:
     return [f"{o.name}_displacement" for o in scene.observables if isinstance(o, Trajectory)]
 
 
 def _distance_plot(group: Group, name: str, command: str) -> Plot | None:
     """How far each two complete runs are apart over time; None where there are no two, or too many to draw."""
-    ended = [m for m in group.members if m.shown.complete and name in m.shown.observables]
-    pairs = list(itertools.combinations(ended, 2))
+    pairs = comparable(group, name)
     if not 0 < len(pairs) <= MOST_PAIRS:
         return None
     series = []
@@ -70,6 +108,7 @@ def _distance_plot(group: Group, name: str, command: str) -> Plot | None:
         x_label=labelled("Time", time_unit),
         panels=(Panel(labelled("Distance", unit), lines),),
         command=command,
+        tag=group.tag,
     )
 
 
@@ -87,41 +126,67 @@ def _hidden(scene: Scene) -> set[str]:
 
 
 def _plot(group: Group, name: str, command: str) -> Plot:
-    recorded = [(m, m.shown.observables[name]) for m in group.members if name in m.shown.observables]
-    first = recorded[0][1]
-    drawn = [(m, o) for m, o in recorded if (o.unit, o.components) == (first.unit, first.components)]
-    every = max(1, math.ceil(max(len(o.time) for _, o in drawn) / MOST_POINTS))
+    recorded = [m for m in group.members if name in m.shown.observables]
+    first = recorded[0].shown.observables[name]
+    kind = (first.unit, first.components)
+    drawn = [m for m in recorded if (o := m.shown.observables[name]) and (o.unit, o.components) == kind]
     curves = [c for c in group.first.curves if c.observable == name]
-    factor, time_unit = shown_in("s", *(o.time for _, o in drawn))
+    factor, time_unit = shown_in("s", *(m.shown.observables[name].time for m in drawn))
+    every = max(1, math.ceil(max(len(m.shown.observables[name].time) for m in drawn) / MOST_POINTS))
     shown = _components(group.first.scene, name, first)
+    together = bundles(group, lambda m: m in drawn)
     panels = []
     for column, label in shown:
-        values = [_column(o, column) for _, o in drawn]
-        known_values = [c.value for c in curves] if not first.components else []
-        scale, unit = shown_in(first.unit, *values, *known_values)
-        lines = tuple(
-            _line(member, o.time[::every] * factor, y[::every] * scale)
-            for (member, o), y in zip(drawn, values, strict=True)
-        )
+        values = [_column(m.shown.observables[name], column) for m in drawn]
+        own = [c for c in curves if c.component == ("" if column is None else first.components[column])]
+        scale, unit = shown_in(first.unit, *values, *(c.value for c in own))
+        lines = tuple(_line(members, name, column, factor, scale, every) for members in together)
         known = tuple(
-            Known(c.label, c.time * factor, c.value * scale, _scaled(c.low, scale), _scaled(c.high, scale))
-            for c in (curves if not first.components else [])
+            Known(
+                c.label,
+                c.time * factor,
+                c.value * scale,
+                _scaled(c.low, scale),
+                _scaled(c.high, scale),
+                c.points,
+                style,
+            )
+            for style, c in enumerate(own)
         )
         panels.append(Panel(labelled(label, unit), lines, known))
-    title = _title(group.first.scene, name, first)
     return Plot(
         name=f"{group.name}-{name}".replace("_", "-"),
-        title=title,
-        caption=_caption(drawn, [f"{c.label}: {c.source}" for c in curves], len(first.components) > len(shown), every),
+        title=_title(group.first.scene, name, first),
+        caption=_caption(
+            together, [f"{c.label}: {c.source}" for c in curves], len(first.components) > len(shown), every
+        ),
         x_label=labelled("Time", time_unit),
         panels=tuple(panels),
         command=command,
+        tag=group.tag,
     )
 
 
-def _line(member: Member, x: np.ndarray, y: np.ndarray) -> Line:
-    entry = member.shown
-    return Line(member.label, x, y, entry.look.colour, member.style, cut_short=not entry.complete)
+def _line(members: Sequence[Member], name: str, column: int | None, factor: float, scale: float, every: int) -> Line:
+    """One member's curve, or the median of several seeds with their range, over the times that all have."""
+    series = [m.shown.observables[name] for m in members]
+    rows = [np.arange(len(series[0].time))]
+    for other in series[1:]:
+        kept, own = common_times(series[0], other)
+        at = np.flatnonzero(np.isin(rows[0], kept))
+        rows = [r[at] for r in rows] + [own[np.isin(kept, rows[0][at])]]
+    middle, low, high = merged([_column(o, column)[r][::every] * scale for o, r in zip(series, rows, strict=True)])
+    entry = members[0].shown
+    return Line(
+        label=label_of(members),
+        x=series[0].time[rows[0]][::every] * factor,
+        y=middle,
+        colour=entry.look.colour,
+        style=members[0].style,
+        cut_short=not entry.complete,
+        low=low,
+        high=high,
+    )
 
 
 def _is_energy(scene: Scene | None, name: str) -> bool:
@@ -155,12 +220,13 @@ def _scaled(values: np.ndarray | None, scale: float) -> np.ndarray | None:
     return None if values is None else values * scale
 
 
-def _caption(drawn: Iterable[tuple[Member, Observed]], sources: list[str], shortened: bool, every: int) -> str:
+def _caption(drawn: Sequence[Sequence[Member]], sources: list[str], shortened: bool, every: int) -> str:
     parts = []
-    ended = [
-        f"{m.label} ({m.shown.state}) at {measure(m.shown.reached, 's')}" for m, _ in drawn if not m.shown.complete
-    ]
-    repeated = [m.label for m, _ in drawn if len(m.entries) > 1]
+    single = [members[0] for members in drawn if len(members) == 1]
+    ended = [f"{m.label} ({m.shown.state}) at {measure(m.shown.reached, 's')}" for m in single if not m.shown.complete]
+    repeated = [m.label for m in single if len(m.entries) > 1]
+    if len(single) < len(drawn):
+        parts.append("Line and band: median and range of the seeds.")
     if ended:
         parts.append(f"Ended early: {', '.join(ended)}.")
     if repeated:

@@ -15,6 +15,7 @@ import numpy as np
 from dembench.cases.base import Case, CaseError, Curve
 from dembench.cases.registry import parse_case
 from dembench.cases.run_times import RunTime
+from dembench.cases.views import CaseFigure, Picture
 from dembench.engines.registry import UnknownEngine, engine
 from dembench.reports.svg import MUTED
 from dembench.results import Observed
@@ -91,6 +92,28 @@ class Entry:
             return []
         case, parameters = self.problem
         return case.reference_curves(self.scene, parameters, self.spec.preset)  # type: ignore[arg-type]
+
+    @cached_property
+    def figures(self) -> list[CaseFigure]:
+        """Figures that the case asks for; empty without a case or a scene."""
+        return self.problem[0].figures(self.scene) if self.problem and self.scene else []
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """Pictures that the case asks for; empty without a case or a scene."""
+        return self.problem[0].pictures(self.scene) if self.problem and self.scene else []
+
+    @property
+    def softening(self) -> str:
+        """How the materials are softer than the published ones; empty where they are not."""
+        if self.problem is None:
+            return ""
+        case, parameters = self.problem
+        return case.softening(parameters, self.spec.preset)  # type: ignore[arg-type]
+
+    def quantity(self, name: str) -> float | None:
+        """A quantity of the case; None where the record does not cover it."""
+        return next((s.quantity.value for s in self.scores if s.quantity.name == name), None)
 
     @property
     def run_times(self) -> list[RunTime]:
@@ -204,6 +227,58 @@ class Member:
 
 
 @dataclass(frozen=True)
+class Ensemble:
+    """One engine with one setting: its runs with all seeds.
+
+    Attributes:
+        members: One per seed.
+        label: Name in tables and legends, unique within the group.
+    """
+
+    members: tuple[Member, ...]
+    label: str
+
+    @property
+    def ended(self) -> list[Member]:
+        """The members that came to their end."""
+        return [m for m in self.members if m.shown.complete and m.state in (*RANKED, "inaccurate")]
+
+    @property
+    def entries(self) -> list[Entry]:
+        """All runs."""
+        return [entry for member in self.members for entry in member.entries]
+
+    @property
+    def shown(self) -> Entry:
+        """The run that stands for all where one is shown: of the first seed that came to its end, else the first."""
+        return (self.ended or list(self.members))[0].shown
+
+    @property
+    def state(self) -> str:
+        """The worst state of the members."""
+        states = [m.state for m in self.members]
+        return next((s for s in states if s not in RANKED), states[0])
+
+    @property
+    def loop(self) -> float | None:
+        """Median loop time of the members [s]."""
+        loops = [m.loop for m in self.members if m.loop is not None]
+        return statistics.median(loops) if loops else None
+
+    def values(self, quantity: str) -> list[float]:
+        """A quantity of the members that came to their end and have it."""
+        return [v for m in self.ended if (v := m.shown.quantity(quantity)) is not None]
+
+    def first_with(self, snapshot: str) -> Member | None:
+        """The first member with that snapshot, one that came to its end where there is one; None without any."""
+        for member in (*self.ended, *self.members):
+            result = member.shown.record.result
+            if result is not None and snapshot in result.snapshots and len(result.snapshots[snapshot].time):
+                return member
+        return None
+
+
+@dataclass(frozen=True)
 class Group:
     """The runs of one problem, in one division unless both were gathered together.
 
@@ -225,10 +300,25 @@ class Group:
         """A run that has the scene where one has it."""
         return next((e for e in self.entries if e.scene is not None), self.entries[0])
 
+    @cached_property
+    def ensembles(self) -> tuple[Ensemble, ...]:
+        """The members gathered by engine, version and settings."""
+        found: dict[tuple[Any, ...], list[Member]] = {}
+        for member in self.members:
+            found.setdefault(_choice(member.shown), []).append(member)
+        first = [m[0].shown for m in found.values()]
+        labels = _unique(_names(first), first)
+        return tuple(Ensemble(tuple(m), label) for m, label in zip(found.values(), labels, strict=True))
+
     @property
-    def fastest(self) -> float | None:
-        """Shortest median loop time of the members that are ok [s]."""
-        return min((m.loop for m in self.members if m.loop is not None and m.state in RANKED), default=None)
+    def seeded(self) -> bool:
+        """Whether an engine has several seeds."""
+        return len(self.ensembles) < len(self.members)
+
+    @property
+    def tag(self) -> str:
+        """What to know of all its runs before reading anything: that they are softened, or nothing."""
+        return self.first.softening
 
 
 def gather(records: Iterable[RunRecord], by_division: bool = True) -> list[Group]:
@@ -282,19 +372,31 @@ def _order(entry: Entry) -> tuple[Any, ...]:
     return (spec.engine, bool(spec.overrides), spec.label(), spec.seed, spec.repeat, entry.name)
 
 
-def _sample(entry: Entry) -> tuple[Any, ...]:
+def _choice(entry: Entry) -> tuple[Any, ...]:
     spec = entry.spec
-    settings = repr(sorted(spec.settings.items()))
-    return (spec.engine, spec.engine_version, settings, spec.division, spec.seed, spec.scene_digest)
+    return (spec.engine, spec.engine_version, repr(sorted(spec.settings.items())), spec.division)
+
+
+def _sample(entry: Entry) -> tuple[Any, ...]:
+    return (*_choice(entry), entry.spec.seed, entry.spec.scene_digest)
 
 
 def _labels(entries: Sequence[Entry]) -> list[str]:
     """The engine with the settings that were typed, and the division, seed and version where these differ."""
-    divisions, seeds = len({e.spec.division for e in entries}) > 1, len({e.spec.seed for e in entries}) > 1
+    seeds = len({e.spec.seed for e in entries}) > 1
     found = [
-        e.spec.label() + (f", {e.spec.division}" if divisions else "") + (f", seed {e.spec.seed}" if seeds else "")
-        for e in entries
+        text + (f", seed {e.spec.seed}" if seeds else "") for text, e in zip(_names(entries), entries, strict=True)
     ]
+    return _unique(found, entries)
+
+
+def _names(entries: Sequence[Entry]) -> list[str]:
+    divisions = len({e.spec.division for e in entries}) > 1
+    return [e.spec.label() + (f", {e.spec.division}" if divisions else "") for e in entries]
+
+
+def _unique(found: list[str], entries: Sequence[Entry]) -> list[str]:
+    """Labels with the version, and where that does not do a number, where two of them are equal."""
     if len(set(found)) < len(found):
         found = [f"{text}, version {e.spec.engine_version}" for text, e in zip(found, entries, strict=True)]
     if len(set(found)) < len(found):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -126,6 +127,9 @@ def _drawn(plot: Plot, width: float) -> tuple[Figure, list[dict[str, float]]]:
             ax.tick_params(labelbottom=True)
             if plot.x_names:
                 ax.set_xticks(range(len(plot.x_names)), plot.x_names)
+    for panel, ax in zip(plot.panels, axes, strict=True):
+        if not panel.equal:
+            _limit(ax, plot.panels if plot.shared else (panel,), plot.log_x)
     figure.legend(handles=labels, loc="outside upper left", ncols=across, handlelength=3.2, columnspacing=1.4)
     for column in range(columns):
         figure.align_ylabels(axes[column::columns])
@@ -179,24 +183,29 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
         ax.grid(visible=False, which="minor")
     else:
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND_STEPS))
-    ends = [value for line in panel.lines for value in (np.min(line.x), np.max(line.x))]
-    ends += [value for known in panel.known for value in (np.min(known.x), np.max(known.x))]
     if log_x:
         ax.set_xscale("log")
         _format_logarithmic(ax.xaxis)
-        ax.set_xlim(0.8 * min(ends), 1.25 * max(ends))
     else:
         ax.xaxis.set_major_locator(
             MaxNLocator(nbins=10 if width == WIDE else 6 if width >= NARROW else 4, steps=_ROUND_STEPS)
         )
-        if ends and max(ends) > min(ends):
-            margin = 0.01 * (max(ends) - min(ends))
-            ax.set_xlim(min(ends) - margin, max(ends) + margin)
     ax.set_ylabel(panel.label)
     if panel.title:
         ax.set_title(panel.title)
     if panel.equal:
         ax.set_aspect("equal", adjustable="datalim")
+
+
+def _limit(ax: Axes, panels: Sequence[Panel], log_x: bool) -> None:
+    """Ends of a horizontal axis, from everything that is drawn in the panels that share it."""
+    drawn: list[Line | Known] = [curve for panel in panels for curve in (*panel.lines, *panel.known)]
+    ends = [value for curve in drawn if len(curve.x) for value in (np.min(curve.x), np.max(curve.x))]
+    if log_x:
+        ax.set_xlim(0.8 * min(ends), 1.25 * max(ends))
+    elif ends and max(ends) > min(ends):
+        margin = 0.01 * (max(ends) - min(ends))
+        ax.set_xlim(min(ends) - margin, max(ends) + margin)
 
 
 def _format_logarithmic(axis: Axis) -> None:

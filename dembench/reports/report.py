@@ -9,10 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dembench.reports import comparisons, facts
+from dembench.reports.case_figures import case_plots, replaced
 from dembench.reports.curves import plots
+from dembench.reports.ensembles import ensembles, seed_plot, single_runs
 from dembench.reports.entries import Group, gather
 from dembench.reports.figures import Drawing, draw
 from dembench.reports.pages import write_page
+from dembench.reports.pictures import Album, albums
 from dembench.reports.published import published_times
 from dembench.reports.tables import Table
 from dembench.reports.timings import timings
@@ -30,7 +33,9 @@ class SceneSection:
     short_title: str
     source: str
     facts: facts.Facts
+    tag: str
     drawings: tuple[Drawing, ...]
+    albums: tuple[Album, ...]
     verdicts: Table
     tables: tuple[Table, ...]
     commands: tuple[str, ...]
@@ -38,6 +43,9 @@ class SceneSection:
 
 def render(runs: Sequence[RunRecord], output: Path, title: str = "Granular benchmark report") -> Path:
     """Writes the report of some runs as one HTML file that needs no other file and no network.
+
+    Where it has pictures of particles, their snapshots are written as VTKHDF files into a directory beside it, which
+    is called after the page: `report-particles/RUN/SNAPSHOT.vtkhdf`.
 
     Args:
         runs: Runs in any state; every one of them has its row.
@@ -48,13 +56,16 @@ def render(runs: Sequence[RunRecord], output: Path, title: str = "Granular bench
         The path of the file.
     """
     groups = gather(runs)
-    sections = [_section(group) for group in groups]
+    beside = output.with_name(f"{output.stem}-particles")
+    sections = [_section(group, beside) for group in groups]
     titles = [section.short_title for section in sections]
     tables = [facts.engines(groups), *facts.settings(groups, titles), facts.load(groups), facts.counters(groups)]
     return write_page(
         "page.html.j2",
         output,
-        {entry.look.colour for group in groups for entry in group.entries},
+        {entry.look.colour for group in groups for entry in group.entries}.union(
+            *(album.colours for section in sections for album in section.albums)
+        ),
         [drawing for section in sections for drawing in section.drawings],
         title=title,
         summary=_summary(groups),
@@ -66,19 +77,30 @@ def render(runs: Sequence[RunRecord], output: Path, title: str = "Granular bench
     )
 
 
-def _section(group: Group) -> SceneSection:
+def _section(group: Group, beside: Path) -> SceneSection:
     entry = group.first
     case = entry.problem[0] if entry.problem else None
     short = f"{facts.problem_name(entry)}, {entry.spec.division}"
     commands = _commands(group)
-    found = (comparisons.quantities(group), comparisons.differences(group), timings(group), published_times(group))
+    command = "\n".join(commands)
+    shown = [*case_plots(group, command), *plots(group, command, replaced(group)), seed_plot(group, command)]
+    found = (
+        comparisons.quantities(group),
+        ensembles(group),
+        single_runs(group),
+        comparisons.differences(group),
+        timings(group),
+        published_times(group),
+    )
     return SceneSection(
         name=group.name,
         title=f"{case.title} ({short} division)" if case else f"{short} division",
         short_title=short,
         source=case.source if case else "",
         facts=facts.scene_facts(group),
-        drawings=tuple(draw(plot) for plot in plots(group, "\n".join(commands))),
+        tag=group.tag,
+        drawings=tuple(draw(plot) for plot in shown if plot is not None),
+        albums=tuple(albums(group, command, beside)),
         verdicts=comparisons.verdicts(group, short),
         tables=tuple(table for table in found if table is not None),
         commands=commands,

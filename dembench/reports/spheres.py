@@ -41,7 +41,7 @@ class Camera:
 
 
 def render(camera: Camera, seen: np.ndarray, radius: np.ndarray, colour: np.ndarray, smooth: int = 2) -> np.ndarray:
-    """A picture of spheres, transparent where there is none.
+    """A picture of spheres that overlap by little at most, transparent where there is none.
 
     Args:
         camera: The view.

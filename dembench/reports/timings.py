@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from dembench.reports.cells import run_cell, state_cell
-from dembench.reports.entries import RANKED, Entry, Group, Member
+from dembench.reports.entries import RANKED, Ensemble, Entry, Group, Member
 from dembench.reports.tables import Cell, Column, Table, numbers, significant
 from dembench.reports.units import shown_in
 
@@ -19,18 +19,17 @@ MARKS = {
 }
 
 
-def ratios(group: Group) -> list[Cell]:
-    """Median loop time of each member that is ok, relative to the shortest of them."""
-    fastest = group.fastest
-    return numbers(
-        [m.loop / fastest if fastest and m.loop is not None and m.state in RANKED else None for m in group.members]
-    )
+def ratios(runs: Sequence[Member | Ensemble]) -> list[Cell]:
+    """Median loop time of each that is ok, relative to the shortest of them."""
+    loops = [run.loop if run.state in RANKED else None for run in runs]
+    fastest = min((loop for loop in loops if loop), default=None)
+    return numbers([loop / fastest if fastest and loop is not None else None for loop in loops])
 
 
 def timings(group: Group) -> Table:
     """The timing table: only runs that are ok get a ratio; the marks say what else to know."""
     shown = [m.shown for m in group.members]
-    loops = [m.loop if m.loop is not None else m.shown.loop for m in group.members]
+    loops = [_loop(m) for m in group.members]
     bodies = group.first.spec.bodies
     steps = [e.steps for e in shown]
     rates = [bodies * n / t / 1e6 if n and t else None for n, t in zip(steps, loops, strict=True)]
@@ -40,8 +39,8 @@ def timings(group: Group) -> Table:
     columns: list[tuple[Column, list[Cell]]] = [
         (Column("Engine", kind="long"), [run_cell(m, _settings(m)) for m in group.members]),
         (Column("State"), [state_cell(m.state) for m in group.members]),
-        (Column("Loop time", "s", "number", "median of the repeats"), loop_cells(group, loops)),
-        (RATIO, ratios(group)),
+        (Column("Loop time", "s", "number", "median of the repeats"), loop_cells(group.members)),
+        (RATIO, ratios(group.members)),
         (Column("Particle-steps", "10⁶/s", "number"), numbers(rates)),
         (
             Column("Core-seconds", "s", "number", "loop time times cores"),
@@ -70,6 +69,7 @@ def timings(group: Group) -> Table:
         rows,
         note="Only runs that are ok are compared: accuracy comes before speed.",
         footnotes=(*_measured_by(group), *marks_explained(rows)),
+        tag=group.tag,
     )
 
 
@@ -94,12 +94,16 @@ def _measured_by(group: Group) -> tuple[str, ...]:
     return (f"Loop times without the mark w were measured by: {', '.join(sorted(sources))}.",) if sources else ()
 
 
-def loop_cells(group: Group, loops: Sequence[float | None]) -> list[Cell]:
-    """Loop times of the members [s] with their marks."""
+def loop_cells(runs: Sequence[Member | Ensemble]) -> list[Cell]:
+    """Loop times with their marks [s]; of a run that has not come to its end, that of the part."""
     return [
-        Cell(cell.text, cell.value, flags=marks(m.entries)) if cell.text else cell
-        for cell, m in zip(numbers(loops), group.members, strict=True)
+        Cell(cell.text, cell.value, flags=marks(run.entries)) if cell.text else cell
+        for cell, run in zip(numbers([_loop(run) for run in runs]), runs, strict=True)
     ]
+
+
+def _loop(run: Member | Ensemble) -> float | None:
+    return run.loop if run.loop is not None else run.shown.loop
 
 
 def _spread(member: Member) -> Cell:

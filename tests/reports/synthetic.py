@@ -12,7 +12,7 @@ import pytest
 
 from dembench.engines import registry
 from dembench.engines.base import Engine, EngineSettings
-from dembench.results import Observed, Result, channels, write
+from dembench.results import Observed, Result, SnapshotSeries, channels, write
 from dembench.runs.directory import RunDirectory
 from dembench.runs.spec import RunSpec
 from dembench.runs.states import Status
@@ -188,6 +188,7 @@ def add_run(
     version: str = "1.0",
     repeat: int = 1,
     settings: dict[str, Any] | None = None,
+    snapshots: dict[str, SnapshotSeries] | None = None,
     **status: Any,
 ) -> RunDirectory:
     """Writes the directory of one run; without observables it has no result."""
@@ -244,6 +245,7 @@ def add_run(
                 status=ended.plain(),
                 provenance={"command": COMMAND},
                 observables=observables,
+                snapshots=snapshots or {},
             ),
             run.result,
         )

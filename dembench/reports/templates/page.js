@@ -71,18 +71,20 @@
 
   // ---- figures
   const plain = (text) => text.replace(/var\(--[\w-]+,\s*(#[0-9a-f]{6})\)/g, "$1");
+  const serialized = (svg) => plain(new XMLSerializer().serializeToString(svg));
+  const sizeOf = (svg) => [svg.viewBox.baseVal.width, svg.viewBox.baseVal.height];
   function standalone(svg) {
     const copied = svg.cloneNode(true);
     each(".crosshair", (line) => line.remove(), copied);
-    const { width, height } = svg.viewBox.baseVal;
+    const [width, height] = sizeOf(svg);
     copied.setAttribute("width", `${width}pt`);
     copied.setAttribute("height", `${height}pt`);
     copied.setAttribute("style", "stroke-linejoin: round; stroke-linecap: butt; background: #ffffff");
-    return plain(new XMLSerializer().serializeToString(copied));
+    return copied;
   }
   function savePng(name, svg) {
     const image = new Image();
-    const { width, height } = svg.viewBox.baseVal;
+    const [width, height] = sizeOf(svg);
     image.onload = () => {
       const canvas = make("canvas");
       [canvas.width, canvas.height] = [width * 4, height * 4];
@@ -92,7 +94,7 @@
       context.drawImage(image, 0, 0, canvas.width, canvas.height);
       save(name, canvas.toDataURL("image/png"));
     };
-    image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(standalone(svg))}`;
+    image.src = `data:image/svg+xml;charset=utf-8,${encodeURIComponent(serialized(standalone(svg)))}`;
   }
   function figureCsv(data) {
     const rows = [["panel", "series", data.shared ? data.x_label : "horizontal", "value", "low", "high"]];
@@ -201,7 +203,43 @@
       show(Math.max(0, Math.min(stops.length - 1, at < 0 ? 0 : at + step)));
     });
     figure.querySelector("[data-save=csv]").addEventListener("click", () => saveText(`${data.name}.csv`, "text/csv", figureCsv(data)));
-    figure.querySelector("[data-save=svg]").addEventListener("click", () => saveText(`${data.name}.svg`, "image/svg+xml", standalone(wide)));
+    figure.querySelector("[data-save=svg]").addEventListener("click", () => saveText(`${data.name}.svg`, "image/svg+xml", serialized(standalone(wide))));
     figure.querySelector("[data-save=png]").addEventListener("click", () => savePng(`${data.name}.png`, wide));
+  });
+
+  // ---- pictures: one drawing of the legend and all shots, row by row
+  function together(figure) {
+    const [edge, gap] = [8, 16];
+    const sheet = document.createElementNS(SVG, "svg");
+    let [right, down] = [0, edge];
+    const put = (svg, x) => {
+      const [width, height] = sizeOf(svg);
+      const copied = svg.cloneNode(true);
+      for (const [key, v] of Object.entries({ x, y: down, width, height })) copied.setAttribute(key, v);
+      sheet.append(copied);
+      right = Math.max(right, x + width);
+      return [width, height];
+    };
+    down += put(figure.querySelector(".legend svg"), edge)[1] + gap;
+    each(".shots", (row) => {
+      const shots = [...row.querySelectorAll("svg")];
+      const columns = Math.min(5, Number(figure.dataset.columns));
+      for (let first = 0; first < shots.length; first += columns) {
+        let x = edge;
+        let tallest = 0;
+        for (const svg of shots.slice(first, first + columns)) {
+          const [width, height] = put(svg, x);
+          [x, tallest] = [x + width + gap, Math.max(tallest, height)];
+        }
+        down += tallest + gap;
+      }
+    }, figure);
+    sheet.setAttribute("viewBox", `0 0 ${right + edge} ${down}`);
+    return sheet;
+  }
+  each("figure.album", (figure) => {
+    figure.querySelector("[data-save=svg]").addEventListener("click", () =>
+      saveText(`${figure.id}.svg`, "image/svg+xml", serialized(standalone(together(figure)))));
+    figure.querySelector("[data-save=png]").addEventListener("click", () => savePng(`${figure.id}.png`, together(figure)));
   });
 })();
