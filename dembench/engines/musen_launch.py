@@ -12,6 +12,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 DONE = {
@@ -24,6 +25,8 @@ _FAULT = re.compile(r"^(Error|Unknown|terminate called|\s*what\(\):).*", re.M)
 _COUNT = re.compile(r"^Total number of (particles|walls):\s+(\d+)")
 ENDED = "dembench: "
 """How the last line of a log begins; `done` follows, or what went wrong."""
+TOOK = "Wall time from start to end [s]: "
+"""How the line with the time between the program's own two messages about a simulation begins."""
 
 
 def main(arguments: list[str]) -> int:
@@ -53,8 +56,13 @@ def _run(command: list[str], expected: dict[str, int], log) -> tuple[int, str]:
     except OSError as error:
         return 0, f"cannot start {command[0]}: {error.strerror}"
     assert program.stdout is not None
+    started = time.monotonic()
     for raw in program.stdout:
         line = raw.decode(errors="replace")
+        if "Simulation started" in line:
+            started = time.monotonic()
+        elif DONE["SIMULATOR"] in line:
+            line += f"{TOOK}{time.monotonic() - started:.3f}\n"
         for stream in (log, sys.stdout):
             stream.write(line)
             stream.flush()

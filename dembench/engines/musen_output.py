@@ -1,8 +1,9 @@
 """What MUSEN has computed, as frames and tracks: exported in parts, each read once and kept as arrays.
 
 The program saves all grains at one cadence and exports time ranges as text. The text of a part is bounded, so that
-neither its reading nor the arrays made of it need much memory. A part begins with the last frame of the one before: a
-grain that left in between is only then in the export, with the place where it went out.
+neither its reading nor the arrays made of it need much memory, and is removed when it has been read. A part begins
+with the last frame of the one before: a grain that left in between is only then in the export, with the place where it
+went out.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dembench.engines.base import Frame, FrameFiles, Tracks
+from dembench.engines.base import FRAMES, Frame, FrameFiles, Tracks
 from dembench.engines.musen_scene import Geometry, domain, sink_faces
 from dembench.engines.musen_text import (
     ANGULAR_VELOCITY,
@@ -29,7 +30,6 @@ from dembench.engines.musen_text import (
 )
 from dembench.scene import Scene, WallForce
 
-FRAMES = "frames"
 PART_BYTES = 300e6
 """Size of the text of a part, about."""
 BINARY_BYTES = 250
@@ -89,7 +89,7 @@ class Part:
 
 def frame_bytes(bodies: int, digits: int) -> int:
     """Size of the exported text of one frame, about: nine values of a grain and the time, with their tags."""
-    return bodies * (10 * (digits + 7) + 12)
+    return bodies * (10 * (digits + 5) + 12)
 
 
 def parts(bodies: int, saved: Saving, digits: int) -> list[Part]:
@@ -137,10 +137,6 @@ class Reader:
                 tables.append(np.load(self._directory / f"tracks_{part.number:04d}.npy"))
         return FrameFiles(known, self._load), self._tracks(tables), fault
 
-    def complete(self, exported: int) -> bool:
-        """Whether that number of parts is all."""
-        return exported >= len(self._parts)
-
     def _path(self, saved: int) -> Path:
         return self._directory / FRAMES / f"{saved * self._saved.step}.npy"
 
@@ -173,6 +169,8 @@ class Reader:
             except (OSError, TextError) as error:
                 fault = ("no output", str(error))
             done.write_text(json.dumps(fault))
+            if fault is None:
+                (self._directory / part.file).unlink()
         found = json.loads(done.read_text())
         return None if found is None else (found[0], found[1])
 

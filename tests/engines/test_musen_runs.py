@@ -75,7 +75,8 @@ def test_frames_and_tracks_meet_the_times(musen: Callable[[str], Musen], tmp_pat
         if len(at):
             assert np.array_equal(series.tracks.position[at[0], 0], frame.position[2])
     assert series.time == made.duration
-    assert series.timing.loop is None, "whole seconds are no time of a run of less than a second"
+    assert series.timing.source == "wall"
+    assert series.timing.loop is not None and series.timing.loop > 0
 
 
 def test_the_floor_carries_a_grain_at_rest(musen: Callable[[str], Musen], tmp_path: Path) -> None:
@@ -113,7 +114,8 @@ def test_grains_leave_through_a_sink(
     made = falling()
     series = run(musen(""), made, tmp_path)
     assert (series.failure, series.detail) == (None, "")
-    assert len(list((tmp_path / "frames").glob("export_*.txt"))) == (1 if size > 1 else 12)
+    assert len(list((tmp_path / "frames").glob("part_*.json"))) == (1 if size > 1 else 12)
+    assert not list((tmp_path / "frames").glob("*.txt")), "text that has been read is removed"
     found = observe(made, series.frames)["inside"]
     passes = np.sqrt(2 * (1.5e-3 + 2.5e-3 * np.arange(8)) / 9.81)
     assert found.value.ravel().tolist() == [np.count_nonzero(passes > t) for t in found.time]
@@ -160,9 +162,9 @@ def test_a_run_that_ends_well(musen: Callable[[str], Musen], tmp_path: Path, mon
     assert planned.spec.law.startswith("shear history rescaled")
     assert validate(planned.directory.result) == []
     result = read(planned.directory.result)
-    assert set(result.resources["phases"]) == {"import", "simulate", "export"}
-    assert result.timing["source"] == "wall"
-    assert result.resources["wall"] == result.resources["phases"]["simulate"]["wall"]
+    (attempt,) = result.resources["attempts"]
+    assert set(attempt["phases"]) == {"import", "simulate", "export"}
+    assert 0 < result.timing["loop"] < attempt["wall"] == attempt["phases"]["simulate"]["wall"]
     assert not (planned.directory.deck / "frames").exists()
     assert (planned.directory.deck / "simulate.log").exists()
 
@@ -212,6 +214,28 @@ def test_the_simulation_is_followed_by_its_log(musen: Callable[[str], Musen], tm
     (tmp_path / "simulate.log").write_text("Current time [s]: 0.001\n\tMax\nCurrent time [s]: 0.002\n")
     series = engine.read(made, settings, tmp_path)
     assert (series.time, len(series.frames), series.failure) == (0.002, 0, None)
-    (tmp_path / "simulate.log").write_text("Elapsed time [d:h:m:s]: 00:01:00:02\n === Simulation finished ===\n")
+    ended = "Elapsed time [d:h:m:s]: 00:01:00:02\n === Simulation finished ===\n"
+    for took, loop, source in (("3602.715", 3602.715, "wall"), ("0.001", 3602, "engine")):
+        (tmp_path / "simulate.log").write_text(f"{ended}Wall time from start to end [s]: {took}\n")
+        series = engine.read(made, settings, tmp_path)
+        assert (series.time, series.timing.loop, series.timing.source) == (made.duration, loop, source)
+
+
+def test_an_export_that_was_cut_off_is_made_anew(musen: Callable[[str], Musen], tmp_path: Path) -> None:
+    engine, made = musen(""), falling()
+    settings = engine.settings(made, "closed")
+    phases = engine.write(made, settings, tmp_path)
+    assert engine.resume(made, settings, tmp_path) is None, "nothing is simulated yet"
+    for phase in phases:
+        subprocess.run(phase.command, cwd=tmp_path, capture_output=True, check=True)
+    last = engine.read(made, settings, tmp_path).frames[-1].position
+    (tmp_path / "export.log").write_text("Export to text started\n")
+    assert len(engine.read(made, settings, tmp_path).frames) == 0
+    found = engine.checkpoint(made, settings, tmp_path)
+    assert found is not None and (found.step, found.time) == (1200, made.duration)
+    (again,) = engine.resume(made, settings, tmp_path) or []
+    assert (again.name, again.timed) == ("export", False)
+    subprocess.run(again.command, cwd=tmp_path, capture_output=True, check=True)
     series = engine.read(made, settings, tmp_path)
-    assert (series.time, series.timing.loop, series.timing.source) == (made.duration, 3602, "engine")
+    assert (series.failure, len(series.frames)) == (None, len(made.frame_times()))
+    assert np.array_equal(series.frames[-1].position, last)
