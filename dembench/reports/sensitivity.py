@@ -47,13 +47,13 @@ class Finding:
         what = f"{self.variant}: {self.title[:1].lower()}{self.title[1:]}"
         if self.response is None:
             return f"{what} is not known for two values of {self.parameter}, so nothing can be said."
-        change = measure(self.response.change, self.unit)
+        change = measure(self.response.change, self.unit, 3)
         if not self.response.flat:
             return f"{what} varies with {self.parameter}, by {change}."
         beside = (
-            f"the seeds alone make {measure(self.response.scatter, self.unit)}"
+            f"the seeds alone make {measure(self.response.scatter, self.unit, 3)}"
             if self.response.scatter >= self.response.least
-            else f"at least {measure(self.response.least, self.unit)} is asked for"
+            else f"at least {measure(self.response.least, self.unit, 3)} is asked for"
         )
         return f"{what} stays FLAT where it must vary with {self.parameter}: it changes by {change}, {beside}."
 
@@ -88,10 +88,10 @@ def table(study: Sensitivity, problem: Problem, found: Sequence[Finding]) -> Tab
     columns = (
         Column("Quantity", kind="wrap"),
         Column("Engine", kind="long"),
+        Column("Verdict"),
         Column("Change", "", "number", f"range of the means over {study.parameter}"),
         Column("Seeds alone", "", "number", "range that equal means would show by the scatter of the seeds"),
         Column("Least", "", "number", "smallest change that counts"),
-        Column("Verdict"),
     )
     rows = tuple(_row(finding) for finding in found if finding.problem == problem.name)
     note = (
@@ -108,7 +108,7 @@ def _row(finding: Finding) -> tuple[Cell, ...]:
         numbers = [Cell(measure(v, finding.unit, 3), v) for v in (found.change, found.scatter, found.least)]
     word = "unknown" if found is None else "flat" if found.flat else "varies"
     verdict = Cell(word, mark="state ok" if finding.varies else "state inaccurate")
-    return (Cell(finding.title), Cell(finding.variant), *numbers, verdict)
+    return (Cell(finding.title), Cell(finding.variant), verdict, *numbers)
 
 
 def plot(study: Sensitivity, problem: Problem, names: Sequence[str], command: str) -> Plot | None:

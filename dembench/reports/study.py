@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from dembench.cases.base import Reference
 from dembench.recipes import Page, Recipe
 from dembench.reports import facts, sensitivity
 from dembench.reports.cells import STATE_NAMES, run_cell, state_cell
@@ -15,7 +16,7 @@ from dembench.reports.figures import Drawing, draw
 from dembench.reports.pages import write_page
 from dembench.reports.sensitivity import Finding
 from dembench.reports.study_figures import figures
-from dembench.reports.tables import Cell, Column, Table, numbers
+from dembench.reports.tables import Cell, Column, Table, numbers, significant
 from dembench.reports.units import shown_in
 from dembench.reports.variants import Problem, Variant
 
@@ -100,28 +101,57 @@ def _section(recipe: Recipe, page: Page, problem: Problem, findings: Sequence[Fi
 
 
 def _table(recipe: Recipe, problem: Problem, names: Sequence[str]) -> Table:
-    """One row per variant: its state, seeds, quantities and loop time."""
+    """One row per variant: its state, seeds, quantities and loop time; at the end what they are compared with."""
     variants = problem.variants
     columns = [Column("Variant", kind="long")]
-    cells: list[list[Cell]] = []
+    cells: list[list[Cell]] = [[_name_cell(v) for v in variants] + [Cell("references")]]
     if recipe.sensitivity is not None:
         columns.append(Column(recipe.sensitivity.parameter.replace("_", " ").capitalize(), kind="number"))
-        cells.append([Cell(str(v.value), v.value) for v in variants])
+        cells.append([Cell(str(v.value), v.value) for v in variants] + [Cell()])
     columns += [Column("State"), Column("Seeds", kind="number")]
-    cells.append([state_cell(v.state) for v in variants])
-    cells.append([Cell(str(len(v.ended)), len(v.ended)) for v in variants])
+    cells.append([state_cell(v.state) for v in variants] + [Cell()])
+    cells.append([_seeds_cell(v) for v in variants] + [Cell()])
+    sources: list[str] = []
     for name in names:
         if (known := problem.known(name)) is not None:
-            means = [v.mean(name) for v in variants]
-            factor, unit = shown_in(known.unit, [m for m in means if m is not None])
+            unit, column = _quantity_column(problem, name, known.unit, sources)
             columns.append(Column(known.title, unit, "number wide"))
-            column = numbers([None if m is None else factor * m for m in means], digits=4, most=4)
-            cells.append([_with_spread(cell, v, name, factor) for cell, v in zip(column, variants, strict=True)])
+            cells.append(column)
     columns.append(Column("Loop time", "s", "number"))
-    cells.append(numbers([v.loop for v in variants]))
-    rows = tuple((_name_cell(v), *(column[k] for column in cells)) for k, v in enumerate(variants))
-    note = "Means over the seeds, with half the range of the seeds where there are several."
-    return Table(f"{problem.name}-variants", "What each choice gives and costs", tuple(columns), rows, note)
+    cells.append([*numbers([v.loop for v in variants]), Cell()])
+    rows = list(zip(*cells, strict=True))
+    return Table(
+        f"{problem.name}-variants",
+        "What each choice gives and costs",
+        tuple(columns),
+        tuple(rows if sources else rows[:-1]),
+        "Means over the seeds, with half the range of the seeds where there are several.",
+        tuple(f"[{k + 1}] {source}" for k, source in enumerate(sources)),
+    )
+
+
+def _quantity_column(problem: Problem, name: str, unit: str, sources: list[str]) -> tuple[str, list[Cell]]:
+    """Unit and cells of a quantity, the reference last; its source is added to `sources`."""
+    reference = problem.reference(name)
+    means = [v.mean(name) for v in problem.variants]
+    published = reference.value if reference else None
+    factor, shown = shown_in(unit, [m for m in (*means, published) if m is not None])
+    *column, last = numbers([None if m is None else factor * m for m in (*means, published)], digits=4, most=4)
+    column = [_with_spread(cell, v, name, factor) for cell, v in zip(column, problem.variants, strict=True)]
+    if reference is None:
+        return shown, [*column, last]
+    if reference.source not in sources:
+        sources.append(reference.source)
+    detail = _accepted(reference, factor)
+    mark = f"[{sources.index(reference.source) + 1}]"
+    return shown, [*column, replace(last, text=last.text or detail, detail=detail if last.text else "", flags=mark)]
+
+
+def _accepted(reference: Reference, factor: float) -> str:
+    low, high = (None if bound is None else significant(factor * bound) for bound in (reference.low, reference.high))
+    if low and high:
+        return f"{low} to {high}"
+    return f"at least {low}" if low else f"at most {high}" if high else ""
 
 
 def _name_cell(variant: Variant) -> Cell:
@@ -131,6 +161,12 @@ def _name_cell(variant: Variant) -> Cell:
     open_ = "open division" if divisions == {"open"} else ""
     colour = run_cell(variant.members[0]).colour
     return Cell(variant.choice, variant.choice, colour=colour, detail=", ".join(filter(None, (shown, open_))))
+
+
+def _seeds_cell(variant: Variant) -> Cell:
+    """How many seeds came to their end, and of how many where others did not."""
+    ended, all_ = len(variant.ended), len(variant.members)
+    return Cell(str(ended) if ended == all_ else f"{ended} of {all_}", ended)
 
 
 def _with_spread(cell: Cell, variant: Variant, name: str, factor: float) -> Cell:

@@ -48,7 +48,7 @@ def _curves(problem: Problem, name: str, start: float, command: str) -> Plot | N
             for o in _series(v, name, start)[:1]
         ]
         label = labelled(shown[0].title.partition(" of ")[0].removeprefix("Vertical ").capitalize(), unit)
-        panels.append(Panel(label, tuple(lines), band, title=own[0].title.capitalize()))
+        panels.append(Panel(label, tuple(lines), band, title=own[0].title))
     return Plot(
         name=f"{problem.name}-{name}-curves".replace("_", "-").replace(".", "-"),
         title=shown[0].title,

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from dembench.campaign import is_file
-from dembench.cases.base import Quantity
+from dembench.cases.base import Quantity, Reference
 from dembench.recipes import Block, CaseChoice, Value
 from dembench.reports import facts
 from dembench.reports.entries import Group, Member, gather
@@ -69,6 +69,15 @@ class Variant:
                 found.setdefault(quantity.name, []).append(quantity)
         return found
 
+    @cached_property
+    def references(self) -> dict[str, Reference]:
+        """What was published of quantities, by name: of several references the first that is no necessary condition."""
+        found: dict[str, Reference] = {}
+        for score in (s for member in self.ended for s in member.shown.scores):
+            if score.reference is not None and not score.reference.necessary:
+                found.setdefault(score.quantity.name, score.reference)
+        return found
+
     def values(self, quantity: str) -> list[float]:
         """Values of a quantity, one per seed that has it."""
         return [q.value for q in self.quantities.get(quantity, [])]
@@ -105,6 +114,10 @@ class Problem:
     def references(self) -> list[Variant]:
         """The variants that the others are compared with."""
         return [v for v in self.variants if v.block.reference]
+
+    def reference(self, quantity: str) -> Reference | None:
+        """What a quantity is compared with beside the runs; None where nothing is known."""
+        return next((v.references[quantity] for v in self.variants if quantity in v.references), None)
 
     def known(self, quantity: str) -> Quantity | None:
         """A quantity as one of the variants has it; None where none has."""
