@@ -138,7 +138,7 @@ def _outside(score: Score) -> str:
     known = [v for v in (reference.low, reference.high) if v is not None]
     factor, unit = shown_in(quantity.unit, known)
     places = decimals([v * factor for v in known], digits=4, most=4)
-    inside = accepted(reference.low, reference.high, factor, places)
+    inside = span(reference.low, reference.high, factor, places)
     name = quantity.title[:1].lower() + quantity.title[1:]
     return f"{name} {grouped(quantity.value * factor, places)} {unit} (accepted {inside})"
 
@@ -211,7 +211,7 @@ def _quantity_row(key: Key, members: Sequence[Member], sources: Sequence[str]) -
         Cell(one.quantity.title),
         Cell(unit),
         Cell() if value is None else Cell(grouped(value * factor, places), value * factor),
-        Cell(accepted(low, high, factor, places)),
+        Cell(span(low, high, factor, places)),
         *(_scored_cell(s, factor, places) for s in found),
         Cell(kind),
         Cell(f"[{sources.index(source) + 1}]") if source else Cell(),
@@ -229,8 +229,8 @@ def _scored_cell(score: Score | None, factor: float, places: int) -> Cell:
     return Cell(grouped(value, places), value, detail=detail, tone=tone)
 
 
-def accepted(low: float | None, high: float | None, factor: float, places: int) -> str:
-    """A range of accepted values as text; empty where nothing is judged."""
+def span(low: float | None, high: float | None, factor: float, places: int) -> str:
+    """A range as text; a side that is None is open, and two such are no range."""
     lower, upper = ("" if v is None else grouped(v * factor, places) for v in (low, high))
     if lower and upper:
         return f"{lower} to {upper}"

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dembench.reports.cells import run_cell, state_cell
-from dembench.reports.comparisons import accepted, leading_quantities
+from dembench.reports.comparisons import leading_quantities, span
 from dembench.reports.entries import Ensemble, Group
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers
@@ -60,19 +60,17 @@ def ensembles(group: Group) -> Table | None:
         own = [(e, s) for e, s in scored if s.quantity.name == name]
         rows += _rows(own, sources)
     columns = (
-        Column("Quantity", kind="wrap"),
+        Column("Quantity", kind="long"),
         Column("Unit"),
         Column("Engine", kind="long"),
         Column("Seeds", kind="number"),
         Column("Mean", kind="number"),
         Column("Standard deviation", kind="number", note="of single runs, with n − 1"),
         Column("Standard error", kind="number", note="of the mean"),
-        Column("Lowest", kind="number"),
-        Column("Highest", kind="number"),
-        Column("Reference", kind="number"),
+        Column("Range", kind="number", note="lowest to highest"),
+        Column("Reference", "and source", "number"),
         Column("Accepted", kind="number", note="range within which a single run passes"),
         Column("Inside", kind="number", note="seeds inside the accepted range"),
-        Column("Source"),
     )
     return Table(
         f"{group.name}-ensembles",
@@ -102,15 +100,17 @@ def _rows(scored: Sequence[tuple[Ensemble, Score]], sources: Sequence[str]) -> l
     known = [v for spread in spreads for v in spread.values] + [b for b in bounds if b is not None]
     factor, unit = shown_in(scored[0][1].quantity.unit, known)
     places = decimals([factor * v for v in known], digits=4, most=4)
-    fine = min(places + 1, 5)
+    scatter = [factor * v for spread in spreads for v in (spread.deviation, spread.error) if v]
+    fine = decimals(scatter, digits=2, most=5)
 
-    def cell(value: float | None, digits: int = places) -> Cell:
-        return Cell() if value is None else Cell(grouped(factor * value, digits), factor * value)
+    def cell(value: float | None, digits: int = places, detail: str = "") -> Cell:
+        return Cell() if value is None else Cell(grouped(factor * value, digits), factor * value, detail=detail)
 
     rows = []
     for (ensemble, score), spread in zip(scored, spreads, strict=True):
         reference = score.reference
         judged = reference is not None and not (reference.low is None and reference.high is None)
+        source = f"[{sources.index(reference.source) + 1}]" if reference else ""
         inside = sum(_inside(v, score) for v in spread.values) if judged else 0
         rows.append(
             (
@@ -121,15 +121,20 @@ def _rows(scored: Sequence[tuple[Ensemble, Score]], sources: Sequence[str]) -> l
                 cell(spread.mean),
                 cell(spread.deviation, fine),
                 cell(spread.error, fine),
-                cell(min(spread.values)),
-                cell(max(spread.values)),
-                cell(reference.value if reference else None),
-                Cell(accepted(reference.low, reference.high, factor, places) if reference else ""),
+                _range(spread, factor, places),
+                cell(reference.value, places, source) if reference else Cell(),
+                Cell(span(reference.low, reference.high, factor, places) if reference else ""),
                 Cell(f"{inside} of {len(spread.values)}", inside, tone=_tone(inside, spread)) if judged else Cell(),
-                Cell(f"[{sources.index(reference.source) + 1}]") if reference else Cell(),
             )
         )
     return rows
+
+
+def _range(spread: Spread, factor: float, places: int) -> Cell:
+    if spread.deviation is None:
+        return Cell()
+    low, high = min(spread.values), max(spread.values)
+    return Cell(span(low, high, factor, places), factor * low)
 
 
 def _tone(inside: int, spread: Spread) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import statistics
 from collections.abc import Iterable, Sequence
@@ -17,7 +18,6 @@ from dembench.cases.registry import parse_case
 from dembench.cases.run_times import RunTime
 from dembench.cases.views import CaseFigure, Picture
 from dembench.engines.registry import UnknownEngine, engine
-from dembench.reports.svg import MUTED
 from dembench.results import Observed
 from dembench.runs.directory import RunRecord
 from dembench.scene import Scene
@@ -36,12 +36,16 @@ class Look:
     dashed: bool
 
 
+FOREIGN = ("#a06a00", "#00808a", "#8e3b8e", "#7a5230", "#c2185b", "#5c6f1f")
+"""Colours of engines that are not known here, chosen by their names: results of other codes have such."""
+
+
 def look(name: str) -> Look:
-    """The look that an engine declares; that of an engine which is not known here is grey."""
+    """The look that an engine declares; that of an engine which is not known here is dashed, its colour by its name."""
     try:
         found = engine(name)
     except (UnknownEngine, ImportError):
-        return Look(name, MUTED, False)
+        return Look(name, FOREIGN[hashlib.sha256(name.encode()).digest()[0] % len(FOREIGN)], True)
     return Look(found.title, found.colour, found.dashed)
 
 

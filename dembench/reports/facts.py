@@ -14,6 +14,7 @@ from dembench.reports.comparisons import verdict_text
 from dembench.reports.entries import RANKED, Entry, Group, Member
 from dembench.reports.tables import Cell, Column, Table, grouped, numbers, significant
 from dembench.reports.units import measure
+from dembench.runs.states import Resumption
 from dembench.scene import Scene, features
 
 Facts = list[tuple[str, str]]
@@ -144,7 +145,7 @@ def all_runs(groups: Sequence[Group]) -> Table:
     rows = tuple(
         (
             Cell(e.name),
-            state_cell(e.state),
+            state_cell(e.state, resumed(e)),
             run_cell(m),
             Cell(e.spec.division),
             Cell(str(e.spec.seed), e.spec.seed),
@@ -156,6 +157,12 @@ def all_runs(groups: Sequence[Group]) -> Table:
         for k, (m, e) in enumerate(listed)
     )
     return Table("all-runs", "All runs", columns, rows)
+
+
+def resumed(entry: Entry) -> str:
+    """From where a run went on after interruptions; empty for one in one piece."""
+    times = [measure(r.time, "s") for r in entry.status.resumed]
+    return f"resumed at {', '.join(times)}" if times else ""
 
 
 def problem_name(entry: Entry) -> str:
@@ -321,6 +328,12 @@ def failures(groups: Sequence[Group]) -> list[Failure]:
     return [_failure(member, entry) for member, entry in listed if entry.state not in (*RANKED, "running")]
 
 
+def _resumption(where: Resumption) -> str:
+    text = f"at {measure(where.time, 's')} on {where.when[:16].replace('T', ' ')}"
+    text += f", after {measure(where.reached, 's')} had been reached" if where.reached > where.time else ""
+    return f"{text} ({where.note})" if where.note else text
+
+
 def _failure(member: Member, entry: Entry) -> Failure:
     status = entry.status
     alone = Member((entry,), member.label, member.style)
@@ -333,6 +346,8 @@ def _failure(member: Member, entry: Entry) -> Failure:
         ("Signal", status.signal or ""),
         ("Simulated time reached", measure(entry.reached, "s") if status.started else ""),
         ("Frames recorded", f"{status.frames} of {status.frames_expected}" if status.frames_expected else ""),
+        ("Resumed", "; ".join(_resumption(r) for r in status.resumed)),
+        ("Earlier attempt", status.note),
         ("To get the engine", status.install),
     ]
     facts = [(name, text) for name, text in listed if text]

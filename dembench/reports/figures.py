@@ -187,14 +187,19 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
         ax.set_xscale("log")
         _format_logarithmic(ax.xaxis)
     else:
-        ax.xaxis.set_major_locator(
-            MaxNLocator(nbins=10 if width == WIDE else 6 if width >= NARROW else 4, steps=_ROUND_STEPS)
-        )
+        bins = 10 if width == WIDE else 6 if width >= NARROW else 4
+        ax.xaxis.set_major_locator(MaxNLocator(nbins=bins, steps=_ROUND_STEPS, integer=_counts(panel)))
     ax.set_ylabel(panel.label)
     if panel.title:
         ax.set_title(panel.title)
     if panel.equal:
         ax.set_aspect("equal", adjustable="datalim")
+
+
+def _counts(panel: Panel) -> bool:
+    """Whether what is drawn as points lies at whole numbers, such as those of seeds."""
+    points = [line.x for line in panel.lines if line.points]
+    return bool(points) and not np.mod(np.concatenate(points), 1).any()
 
 
 def _limit(ax: Axes, panels: Sequence[Panel], log_x: bool) -> None:

@@ -14,6 +14,7 @@ MARKS = {
     "c": "c: contended, other programs used its cores before or while it ran, so the time is overstated.",
     "l": "l: another contact law than the scene's; such a time compares methods, not implementations.",
     "p": "p: partial, the run ended before its simulated time; the time is that of the part.",
+    "r": "r: resumed from a checkpoint after an interruption; the time is that of all attempts together.",
     "s": "s: own time step, not that of the closed division; such a time compares methods, not implementations.",
     "w": "w: wall time of the engine's process, since the engine gives no time of its stepping loop.",
 }
@@ -79,6 +80,7 @@ def marks(entries: Sequence[Entry]) -> str:
     found = "c" if any(e.status.contended for e in entries) else ""
     found += "p" if any(not e.complete for e in timed) else ""
     found += "l" if any(e.spec.law for e in timed) else ""
+    found += "r" if any(e.status.resumed for e in timed) else ""
     found += "s" if any(e.own_step for e in timed) else ""
     return found + ("w" if any(e.timing.get("source") == "wall" for e in timed) else "")
 

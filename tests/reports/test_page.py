@@ -216,3 +216,18 @@ def test_published_run_times_stand_in_a_table_of_their_own(read: Page) -> None:
     times = {c.text.strip(): c for c in read.column("scene1-published-times", "Wall time")}
     assert "1\u202f346.0 c" in times and times["61.0"].value == "61.0"
     assert all("MUSEN" not in cell.text for cell in read.column("scene1-timings", "Engine"))
+
+
+def test_a_resumed_run_says_from_where(stand_ins: None, tmp_path: Path) -> None:
+    scene = impact(0.02)
+    there = {"step": 20000, "time": 0.01, "reached": 0.012, "when": "2026-11-01T13:00:00+0000"}
+    add_run(tmp_path, scene, "alpha", observables=displacement(scene), loop=1.0, resumed=(there,))
+    add_run(tmp_path, scene, "beta", "failed", resumed=(there,), note="begun anew after an attempt")
+    read = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert [c.text for c in read.column("all-runs", "State")] == [
+        "ok, unscoredresumed at 10 ms",
+        "failedresumed at 10 ms",
+    ]
+    assert [c.text.split() for c in read.column("scene1-timings", "Loop time")] == [["1.00", "r"], ["–"]]
+    text = "".join(read.text)
+    assert "at 10 ms on 2026-11-01 13:00, after 12 ms had been reached" in text and "begun anew" in text
