@@ -99,6 +99,7 @@ class Musen(Engine):
             return Probe(available=False, reason=f"no program '{wanted}' was found", install=INSTALL)
         try:
             version, models = _output_of(path, "-v"), _output_of(path, "-m")
+            digest = hashlib.sha256(Path(path).read_bytes()).hexdigest()
         except (OSError, subprocess.TimeoutExpired) as error:
             return Probe(available=False, path=path, reason=f"{path} does not start: {error}", install=INSTALL)
         found = re.search(r"^Version: (\S+)", version, re.M)
@@ -109,8 +110,8 @@ class Musen(Engine):
             reason = f"{path} does not list the contact model {absent[0]}: its folder of models is missing"
             return Probe(available=False, version=found[1], path=path, reason=reason, install=INSTALL)
         facts = {
-            "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest(),
-            "known_deviation": "velocities half a step late, free fall deeper by g t dt, moving walls one step ahead",
+            "sha256": digest,
+            "known_deviation": "velocities of half a step later, free fall deeper by g t dt, moving walls a step ahead",
         }
         if build := re.search(r"^Build: (\S+)", version, re.M):
             facts["build"] = build[1]
@@ -246,10 +247,8 @@ def _program() -> str | None:
 
 
 def _output_of(*command: str) -> str:
-    ended = subprocess.run(
-        command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=PROBE_SECONDS, check=False
-    )
-    return ended.stdout
+    ended = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PROBE_SECONDS, check=False)
+    return (ended.stdout + ended.stderr).decode(errors="replace")
 
 
 def _check_space(grains_saved: int, digits: int, directory: Path) -> None:

@@ -292,7 +292,8 @@ def export(job: dict[str, Any], source: Path, result: Path) -> None:
 
 
 def exported(job: dict[str, Any], scene: Scene, frames: list[Any], digits: int) -> list[str]:
-    part, wall = (job[key].split() for key in ("TEXT_EXPORT_TD_PART", "TEXT_EXPORT_TD_WALL"))
+    part = job.get("TEXT_EXPORT_TD_PART", "1 1 1 0 0 0 0 0 1").split()
+    wall = job.get("TEXT_EXPORT_TD_WALL", "1 1 0 0").split()
     lines = []
     rows = {"1": -1, "14": -1}
     for o in scene["objects"]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +11,14 @@ import numpy as np
 import pytest
 
 from dembench.engines.musen import Musen
-from dembench.engines.musen_launch import verdict
+from dembench.engines.musen_launch import DONE, verdict
 from dembench.engines.musen_output import difference
 from dembench.engines.musen_scene import geometries
 from dembench.engines.musen_text import Text, TextError, read_text
 from dembench.results import observe
 from dembench.scene import Scene, scene_from
 
+PROGRAM = Path(__file__).with_name("musen_program.py")
 RECORDED = Path(__file__).parents[3] / "shared" / "data" / "musen"
 pytestmark = pytest.mark.skipif(not RECORDED.exists(), reason="no recorded runs here")
 
@@ -202,6 +205,27 @@ def test_grains_that_were_thrown_out_are_seen(error: str) -> None:
     text = read_text(run / "export.txt")
     assert difference(read_text(run / "scene.txt"), text, {}, 6) == ""
     assert np.isfinite(text.grains.left).any() and (text.grains.left > 0).all()
+
+
+# ---- the stand-in
+
+
+@pytest.mark.parametrize("run", ["two-spheres/e1e7", "errors/ok-reference", "errors/wall-winding-ok"])
+def test_the_stand_in_does_what_the_program_does(run: str, tmp_path: Path) -> None:
+    """Of a recorded job and scene it makes the recorded export, where no shear acts: to the last digit but one."""
+    for name in ("job.txt", "scene.txt"):
+        (tmp_path / name).write_bytes((RECORDED / run / name).read_bytes())
+    command = [sys.executable, str(PROGRAM), "-s=job.txt", "-t=1"]
+    log = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    for sign in DONE.values():
+        assert sign in log and sign in (RECORDED / run / "log.txt").read_text()
+    own, recorded = read_text(tmp_path / "export.txt"), export_of(run)
+    digits = DIGITS.get(run, 12 if run.startswith("two") else 6)
+    for a, b in ((own.grains, recorded.grains), (own.walls, recorded.walls)):
+        assert np.array_equal(a.time, b.time) and np.array_equal(a.id, b.id) and np.array_equal(a.left, b.left)
+        for tag in a.values:
+            assert a.values[tag] == pytest.approx(b.values[tag], rel=10.0 ** (2 - digits), abs=1e-9), tag
+    assert own.geometries == recorded.geometries and own.domain.tolist() == recorded.domain.tolist()
 
 
 # ---- the same scenes, written by us
