@@ -67,6 +67,28 @@ class Reference:
 
 
 @dataclass(frozen=True)
+class Ratio:
+    """A quantity of one variant of a case over the same quantity of another, for the same engine, setting and seed.
+
+    Attributes:
+        title: What it is, for tables.
+        quantity: Name of the quantity.
+        over, under: Parameters of the two variants in which they differ; all others are the same.
+        value, low, high: Reference and accepted range.
+        source: Where it comes from and what the range means.
+    """
+
+    title: str
+    quantity: str
+    over: Mapping[str, Any]
+    under: Mapping[str, Any]
+    value: float
+    low: float
+    high: float
+    source: str
+
+
+@dataclass(frozen=True)
 class Curve:
     """Points known of an observable, for figures.
 
@@ -162,6 +184,10 @@ class Case(ABC):
     def softening(self, parameters: Any, preset: Preset) -> str:
         """How the materials of a variant are softer than the published ones; empty where they are not."""
         return ""
+
+    def ratios(self) -> tuple[Ratio, ...]:
+        """Ratios between variants that are compared with a reference."""
+        return ()
 
     @abstractmethod
     def quantities(self, scene: Scene, result: Recorded) -> list[Quantity]:

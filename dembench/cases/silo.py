@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from dembench.cases import silo_scores, silo_views
-from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
+from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Ratio, Recorded, Reference
 from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.views import CaseFigure, Picture
@@ -121,6 +121,10 @@ class Silo(Case):
     def softening(self, parameters: SiloParameters, preset: Preset) -> str:
         """See `Case.softening`."""
         return softened(published("silo")[preset].get("young_factor", 1.0))
+
+    def ratios(self) -> tuple[Ratio, ...]:
+        """See `Case.ratios`."""
+        return silo_scores.ratios()
 
     def quantities(self, scene: Scene, result: Recorded) -> list[Quantity]:
         """See `Case.quantities`."""

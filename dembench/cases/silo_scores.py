@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dembench.cases.base import Curve, Preset, Quantity, Recorded, Reference
+from dembench.cases.base import Curve, Preset, Quantity, Ratio, Recorded, Reference
 from dembench.cases.publication import cited, published
 from dembench.scene import Count, Scene
 
@@ -146,6 +146,23 @@ def references(scene: Scene, parameters: Any, preset: Preset) -> list[Reference]
         for r in cited(numbers, QUANTITIES, parameters, ("orifice", "material"))
         if r.quantity != "emptying_time" or np.isclose(scene.duration, numbers["published"]["duration"])
     ]
+
+
+def ratios() -> tuple[Ratio, ...]:
+    """The rate of the large orifice over that of the small one."""
+    numbers = published("silo")
+    return (
+        Ratio(
+            title="Discharge rate, large over small orifice",
+            quantity="discharge_rate",
+            over={"orifice": "large"},
+            under={"orifice": "small"},
+            value=numbers["ratio"]["value"],
+            low=numbers["ratio"]["low"],
+            high=numbers["ratio"]["high"],
+            source=f"{numbers['ratio']['source']}; doi {numbers['doi']}",
+        ),
+    )
 
 
 def curves(scene: Scene, parameters: Any, preset: Preset) -> list[Curve]:

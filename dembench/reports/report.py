@@ -17,6 +17,7 @@ from dembench.reports.figures import Drawing, draw
 from dembench.reports.pages import write_page
 from dembench.reports.pictures import Album, albums
 from dembench.reports.published import published_times
+from dembench.reports.ratios import ratios
 from dembench.reports.tables import Table
 from dembench.reports.timings import timings
 from dembench.runs.directory import RunRecord
@@ -70,6 +71,7 @@ def render(runs: Sequence[RunRecord], output: Path, title: str = "Granular bench
         title=title,
         summary=_summary(groups),
         scenes=sections,
+        ratios=ratios(groups),
         all_runs=facts.all_runs(groups),
         engine_tables=[table for table in tables if table is not None and table.rows],
         environments=facts.environments(groups),
