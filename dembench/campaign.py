@@ -19,6 +19,7 @@ from dembench.results import Result
 from dembench.runs.environment import available_cores
 from dembench.runs.plan import EngineChoice, PlannedRun, RequestError, SceneChoice, parse_engines, plan
 from dembench.runs.scheduler import Job, Scheduler
+from dembench.runs.spec import RunSpec
 from dembench.runs.states import Verdict
 from dembench.runs.supervise import CHECKPOINT, Judge, command_line
 from dembench.scene import Scene, load_scene
@@ -134,12 +135,17 @@ def planned(requests: Sequence[Request], progress: Progress) -> list[list[Planne
 
 
 def judge(run: PlannedRun, result: Result) -> Verdict:
-    """The verdict of scoring; a scene file has no references."""
-    if run.spec.preset is None:
+    """The verdict of scoring on a run; see `judged`."""
+    return judged(run.spec, run.scene, result)
+
+
+def judged(spec: RunSpec, scene: Scene, result: Result) -> Verdict:
+    """The verdict of scoring on a result; a scene file has no references."""
+    if spec.preset is None:
         return Verdict()
-    case, parameters = parse_case(run.spec.case)
-    preset: Any = run.spec.preset
-    scores = score(case, run.scene, result, parameters, preset)
+    case, parameters = parse_case(spec.case)
+    preset: Any = spec.preset
+    scores = score(case, scene, result, parameters, preset)
     found = verdict(scores)
     outside = [
         f"{s.quantity.title} {s.quantity.value:.6g} {s.quantity.unit} is outside"

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dembench import __version__, console
-from dembench.cli import data, initial, inspection, results, run, verify
+from dembench.cli import data, imports, initial, inspection, results, run, verify
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -30,6 +30,7 @@ for verb in (
     inspection.schema,
 ):
     app.command()(verb)
+app.command("import")(imports.import_results)
 app.add_typer(initial.app, name="initial")
 app.add_typer(data.app, name="data")
 

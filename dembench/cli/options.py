@@ -16,6 +16,7 @@ from dembench.engines.base import SettingsError
 from dembench.engines.registry import UnknownEngine
 from dembench.initial.fetch import initial_state
 from dembench.initial.rows import CoordinatesError
+from dembench.results.foreign import ForeignError
 from dembench.runs.plan import RequestError
 from dembench.scene import SceneError
 from dembench.verification.suites import UnknownSuite
@@ -42,13 +43,25 @@ Out = Annotated[Path, typer.Option(help="directory of the runs")]
 Fresh = Annotated[bool, typer.Option("--fresh", help="run finished runs again, interrupted ones from the start")]
 Json = Annotated[bool, typer.Option("--json", help="print JSON")]
 
+USAGE = (
+    RequestError,
+    CaseError,
+    CoordinatesError,
+    SceneError,
+    SettingsError,
+    UnknownEngine,
+    UnknownSuite,
+    ForeignError,
+)
+"""What is asked for wrongly."""
+
 
 @contextmanager
 def usage_errors() -> Iterator[None]:
     """One clear message and exit code 2 for what was asked for wrongly."""
     try:
         yield
-    except (RequestError, CaseError, CoordinatesError, SceneError, SettingsError, UnknownEngine, UnknownSuite) as error:
+    except USAGE as error:
         console.error(str(error))
         raise typer.Exit(2) from None
 

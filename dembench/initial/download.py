@@ -66,7 +66,8 @@ def _reported(what: str, work: Callable[[], object]) -> str:
     try:
         return str(work())
     except requests.HTTPError as error:
-        reason = f"the server answers {error.response.status_code} {error.response.reason}"
+        answer = error.response
+        reason = f"the server answers {answer.status_code} {answer.reason}" if answer is not None else str(error)
     except requests.exceptions.ChunkedEncodingError:
         reason = "the connection ended before the file did"
     except requests.Timeout:

@@ -200,7 +200,7 @@ class Member:
     Attributes:
         entries: The repeats, by number.
         label: Name in tables and legends, unique within the group.
-        style: Dash pattern and marker among the members of the same engine.
+        style: Dash pattern and marker among the members of the same colour.
     """
 
     entries: tuple[Entry, ...]
@@ -366,7 +366,7 @@ def _group(name: str, entries: list[Entry]) -> Group:
     labels = _labels([sample[0] for sample in samples.values()])
     members: list[Member] = []
     for sample, label in zip(samples.values(), labels, strict=True):
-        before = sum(m.shown.spec.engine == sample[0].spec.engine for m in members)
+        before = sum(m.shown.look.colour == sample[0].look.colour for m in members)
         members.append(Member(tuple(sample), label, before + sample[0].look.dashed))
     return Group(name, tuple(members))
 

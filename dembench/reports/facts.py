@@ -207,7 +207,7 @@ def settings(groups: Sequence[Group], titles: Sequence[str]) -> list[Table]:
         rows = []
         for member in group.members:
             spec = member.shown.spec
-            default = f"default of the {spec.division} division"
+            default = "the file" if spec.imported else f"default of the {spec.division} division"
             for key, value in spec.settings.items():
                 by = "as typed" if key in spec.overrides else "the problem" if key in spec.given else default
                 number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None

@@ -14,6 +14,7 @@ from dembench.reports.curves import plots
 from dembench.reports.ensembles import ensembles, seed_plot, single_runs
 from dembench.reports.entries import Group, gather
 from dembench.reports.figures import Drawing, draw
+from dembench.reports.imported import imported_runs
 from dembench.reports.pages import write_page
 from dembench.reports.pictures import Album, albums
 from dembench.reports.published import published_times
@@ -60,7 +61,13 @@ def render(runs: Sequence[RunRecord], output: Path, title: str = "Granular bench
     beside = output.with_name(f"{output.stem}-particles")
     sections = [_section(group, beside) for group in groups]
     titles = [section.short_title for section in sections]
-    tables = [facts.engines(groups), *facts.settings(groups, titles), facts.load(groups), facts.counters(groups)]
+    tables = [
+        imported_runs(groups),
+        facts.engines(groups),
+        *facts.settings(groups, titles),
+        facts.load(groups),
+        facts.counters(groups),
+    ]
     return write_page(
         "page.html.j2",
         output,

@@ -27,8 +27,14 @@ def ratios(runs: Sequence[Member | Ensemble]) -> list[Cell]:
     return numbers([loop / fastest if fastest and loop is not None else None for loop in loops])
 
 
-def timings(group: Group) -> Table:
-    """The timing table: only runs that are ok get a ratio; the marks say what else to know."""
+def timings(group: Group) -> Table | None:
+    """The timing table: only runs that are ok get a ratio; the marks say what else to know.
+
+    Imported results are not in it: their times were taken elsewhere. None where there are no others.
+    """
+    group = Group(group.name, tuple(m for m in group.members if not m.shown.spec.imported))
+    if not group.members:
+        return None
     shown = [m.shown for m in group.members]
     loops = [_loop(m) for m in group.members]
     bodies = group.first.spec.bodies

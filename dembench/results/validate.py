@@ -27,6 +27,8 @@ COMPLETE = ("ok", "inaccurate")
 def validate(path: Path) -> list[str]:
     """The faults of a result file, one line each with the place in the file; empty where it has none.
 
+    Another program's result that was imported may lack observables and end before the scene does.
+
     Any file may be given. Times are compared with those of the scene; a result of a run that did not end well may
     have fewer rows, never other ones.
     """
@@ -57,8 +59,11 @@ def _faults(file: h5py.File) -> list[str]:
         return [*faults, f"/dembench/scene: no scene: {error}"]
     if file["dembench/scene"].attrs.get("sha256") != scene.digest():
         faults.append("/dembench/scene: the attribute 'sha256' is not the digest of the scene")
-    complete = _state(file) in COMPLETE
+    brought = _is_imported(file)
+    complete = _state(file) in COMPLETE and not brought
     observables = file["observables"]
+    if brought:
+        wanted = {name: channel for name, channel in wanted.items() if name in observables}
     faults += _same_names("observables", set(observables), set(wanted))
     for name in sorted(set(observables) & set(wanted)):
         channel = wanted[name]
@@ -69,7 +74,7 @@ def _faults(file: h5py.File) -> list[str]:
         value = observables[name].get("value") if isinstance(observables[name], h5py.Group) else None
         if isinstance(value, h5py.Dataset) and tuple(value.attrs.get("components", ())) != channel.components:
             faults.append(f"{place}/value: the attribute 'components' must be {list(channel.components)}")
-    return faults + _particles(file["particles"], scene, complete)
+    return faults + _particles(file["particles"], scene, complete, brought)
 
 
 def _version(group: h5py.Group, known: tuple[int, int]) -> list[str]:
@@ -99,14 +104,22 @@ def _state(file: h5py.File) -> str:
         return ""
 
 
+def _is_imported(file: h5py.File) -> bool:
+    """Whether it is another program's result, which may lack observables and end before the scene does."""
+    try:
+        return "imported" in json.loads(file["dembench/provenance"].asstr()[()])
+    except (KeyError, ValueError, TypeError, AttributeError):
+        return False
+
+
 def _same_names(place: str, found: set[str], wanted: set[str]) -> list[str]:
     return [f"/{place}/{name}: the group is missing" for name in sorted(wanted - found)] + [
         f"/{place}/{name}: the scene has no such observable" for name in sorted(found - wanted)
     ]
 
 
-def _particles(group: h5py.Group, scene: Scene, complete: bool) -> list[str]:
-    wanted = {o.name: o for o in scene.observables if isinstance(o, Snapshot)}
+def _particles(group: h5py.Group, scene: Scene, complete: bool, brought: bool) -> list[str]:
+    wanted = {o.name: o for o in scene.observables if isinstance(o, Snapshot) and (o.name in group or not brought)}
     faults = _same_names("particles", set(group), set(wanted))
     n = len(scene.bodies)
     for name in sorted(set(group) & set(wanted)):

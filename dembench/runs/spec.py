@@ -46,6 +46,7 @@ class RunSpec(Model):
         precision, device: As shown in timing tables.
         timeout: Time limit [s]; None for no limit.
         estimate: Estimated wall time [s]; None where the engine offers none.
+        imported: Name of the file where another program's result was imported; empty for a run.
     """
 
     case: str
@@ -68,6 +69,7 @@ class RunSpec(Model):
     device: str = "cpu"
     timeout: float | None = None
     estimate: float | None = None
+    imported: str = ""
 
     def digest(self) -> str:
         """SHA-256 over everything that the result depends on."""
@@ -75,7 +77,9 @@ class RunSpec(Model):
         return hashlib.sha256(text.encode()).hexdigest()
 
     def label(self) -> str:
-        """The engine with its settings as typed: `name[dt=1e-6]`."""
+        """The engine with its settings as typed: `name[dt=1e-6]`; `name (imported)` for another program's result."""
+        if self.imported:
+            return f"{self.engine} (imported)"
         typed = ",".join(f"{key}={value}" for key, value in self.overrides.items())
         return f"{self.engine}[{typed}]" if typed else self.engine
 
