@@ -43,7 +43,7 @@ class Origin:
         division: Division in which the results stand.
         seed: Seed of the initial state.
         initial: Published initial state that was computed from; None takes the scene of a run in `out` where there is
-            one, else the bed that the case makes.
+            one, else that of the quick preset.
         law: Contact law that was computed, in words.
         out: Directory of the runs.
     """
@@ -57,7 +57,13 @@ class Origin:
 
 
 def import_file(
-    case: str, path: Path, engine: str, origin: Origin, wall: float | None = None, progress: Progress = silent
+    case: str,
+    path: Path,
+    engine: str,
+    origin: Origin,
+    wall: float | None = None,
+    progress: Progress = silent,
+    scenes: dict[str, tuple[str, Scene]] | None = None,
 ) -> RunRecord:
     """Puts a result of another program among the runs; one that is there already is made anew.
 
@@ -68,6 +74,7 @@ def import_file(
         origin: What else is known.
         wall: Wall time that the program took, on whatever machine [s]; None takes `wall_s` of the file.
         progress: Called while an initial state is generated.
+        scenes: Cases as typed in the runs and scenes by case, of files before this one; it is added to them.
 
     Raises:
         CaseError, SceneError, ForeignError: The case, the file, or both together cannot be used. Nothing is written
@@ -76,7 +83,10 @@ def import_file(
     if not _NAME.fullmatch(engine):
         raise ForeignError(f"'{engine}' is no name of a program; accepted are letters, digits, _ and -, a letter first")
     file = read_foreign(path)
-    text, scene = _scene(case, origin, progress)
+    scenes = {} if scenes is None else scenes
+    if case not in scenes:
+        scenes[case] = _scene(case, origin, progress)
+    text, scene = scenes[case]
     series = imported(scene, text, file)
     scalars = file.scalars
     spec = RunSpec(
@@ -125,12 +135,14 @@ def import_folder(folder: Path, origin: Origin, progress: Progress = silent) -> 
     if not named:
         raise ForeignError(f"{folder}: no file is called like case1_large_M1_NAME, case2_NAME or case3_25k_NAME")
     walls = _timings(folder / TIMINGS)
-    runs, refused = [], []
+    runs: list[RunRecord] = []
+    refused: list[str] = []
+    scenes: dict[str, tuple[str, Scene]] = {}
     for path, match in named:
         found = match.groupdict()
         engine = (found["silo"] or found["drum"] or found["impact"]).replace("_", "-")
         try:
-            runs.append(import_file(_case(found), path, engine, origin, walls.get(path.stem), progress))
+            runs.append(import_file(_case(found), path, engine, origin, walls.get(path.stem), progress, scenes))
         except (CaseError, ForeignError, SceneError) as error:
             refused.append(str(error))
     return runs, refused
@@ -164,6 +176,11 @@ def _scene(case: str, origin: Origin, progress: Progress) -> tuple[str, Scene]:
         for record in find_runs(origin.out):
             if _is_same(record.spec, known, parameters, origin) and record.result is not None:
                 return record.spec.case, record.result.scene
+        if origin.preset == "published":
+            raise ForeignError(
+                f"{case}, published: {origin.out} has no run of it whose scene could be taken; "
+                "give the initial state (--initial DIRECTORY, or dosta2024), or run the case first"
+            )
     scene = known.scene(parameters, origin.preset, origin.initial, origin.seed, progress)
     check_scene(scene)
     return case, scene

@@ -158,7 +158,8 @@ def test_a_folder_that_cannot_be_used(tmp_path, quick, files, message):
     "words,message",
     [
         (("case3", "FILE", "--engine", "granoo", "--preset", "quick"), "no column 'z'; case3 needs t, z"),
-        (("case1", "FILE", "--engine", "granoo"), "the scene has 100000: this is another case, another preset"),
+        (("case1[orifice=small]", "FILE", "--engine", "granoo"), "has no run of it whose scene could be taken"),
+        (("case1", "MORE", "--engine", "granoo", "--preset", "quick"), "the scene has 24000: this is another case"),
         (("case1", "FILE", "--engine", "a b", "--preset", "quick"), "'a b' is no name of a program"),
         (("case9", "FILE", "--engine", "granoo"), "no case is called 'case9'"),
         (("case1", "none.npz", "--engine", "granoo"), "none.npz: No such file"),
@@ -170,8 +171,9 @@ def test_a_folder_that_cannot_be_used(tmp_path, quick, files, message):
 def test_what_is_refused_leaves_nothing_behind(tmp_path, words, message):
     folder = tmp_path / "data"
     folder.mkdir()
-    path = written(folder, "case1")
-    given = [{"FILE": str(path), "FOLDER": str(folder)}.get(word, word) for word in words]
+    places = {"FILE": written(folder, "case1"), "MORE": folder / "more.npz", "FOLDER": folder}
+    np.savez(places["MORE"], t=[0.0, 1.0, 2.0], count=[23000, 10000, 0])
+    given = [str(places.get(word, word)) for word in words]
     done = CliRunner().invoke(app, ["import", *given, "--out", str(tmp_path / "runs")])
     assert done.exit_code == 2
     assert message in " ".join(done.output.split())
