@@ -93,9 +93,10 @@ class Block(Model):
         if self.parameters and any(is_file(case) for case in self.cases):
             raise RequestError(f"parameters are for cases; of {', '.join(self.cases)} one is a scene file")
         preset = changes.get("preset", self.preset)
+        own = preset == "published" and "initial" not in changes
         fields: dict[str, Any] = {
             "preset": preset,
-            "initial": initial_state(self.initial) if preset == "published" else None,
+            "initial": initial_state(self.initial) if own else None,
             "division": self.division,
             "seeds": self.seeds,
             "repeats": self.repeats,
@@ -125,7 +126,8 @@ class Page(Model):
     """What the page of a recipe shows.
 
     Attributes:
-        figures: Observables that are drawn as in the common report.
+        pictures: Pictures of the case's particles, by name.
+        figures: Figures of the common report, by name: those of the case, or observables.
         curves: Observables that are drawn over time, each block against the range of the references; of one with
             several components one of them, as `zones.zone2.M1`.
         start: Time from which `curves` are drawn [s].
@@ -133,6 +135,7 @@ class Page(Model):
         costs: Quantities that are drawn against run time, as the difference from the mean of the references.
     """
 
+    pictures: tuple[str, ...] = ()
     figures: tuple[str, ...] = ()
     curves: tuple[str, ...] = ()
     start: NotNegative = 0.0

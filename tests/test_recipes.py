@@ -14,6 +14,7 @@ from dembench.cases import registry as cases_registry
 from dembench.cases.registry import parse_case
 from dembench.cli import app
 from dembench.engines import registry
+from dembench.initial.fetch import FetchError
 from dembench.runs.directory import find_runs
 from dembench.runs.plan import RequestError, parse_engines
 from dembench.scene import Overlap, save_scene
@@ -149,8 +150,9 @@ def test_a_word_is_a_case_a_scene_or_a_recipe() -> None:
 
 
 @pytest.mark.parametrize("name", recipes.names())
-def test_the_recipes_of_the_package_ask_for_what_there_is(name: str, small_scene) -> None:
-    """Cases, presets, engines, settings and quantities exist."""
+def test_the_recipes_of_the_package_ask_for_what_there_is(name: str, small_scene, monkeypatch) -> None:
+    """Cases, presets, engines, settings and quantities exist; the published data need not be here."""
+    monkeypatch.setattr(recipes, "initial_state", lambda given: given)
     recipe = recipes.load(recipes.asked_for([name]) or Path())
     for block, request in recipe.requests(Path("runs")):
         for choice in parse_engines(request.engines or ""):
@@ -261,3 +263,14 @@ def test_words_are_swept_like_numbers_and_what_did_not_run_is_not_taken_for_an_a
     standin(standin=["crash", 4])
     failed = sweep("gravity", "[3.0, 4.0]")
     assert failed.exit_code == 1 and json.loads(failed.stdout)["sensitivity"][0]["verdict"] == "unknown"
+
+
+def test_data_that_a_recipe_names_is_asked_for_unless_another_place_is_typed(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("DEMBENCH_CACHE", str(tmp_path))
+    recipe = recipes.Recipe(
+        title="t", cases=["case2"], preset="published", initial="dosta2024", runs=[{"engines": ["peclet"]}]
+    )
+    with pytest.raises(FetchError, match="dembench data fetch dosta2024"):
+        recipe.requests(tmp_path)
+    assert [r.initial for _, r in recipe.requests(tmp_path, initial=tmp_path)] == [tmp_path]
+    assert [r.initial for _, r in recipe.requests(tmp_path, preset="quick")] == [None]

@@ -59,7 +59,8 @@ def bundles(group: Group, has: Callable[[Member], bool]) -> list[tuple[Member, .
 
 def label_of(members: Sequence[Member]) -> str:
     """Text of the legend for members that are drawn as one curve."""
-    return members[0].label if len(members) == 1 else f"{members[0].shown.spec.label()}, {len(members)} seeds"
+    name = members[0].label
+    return name if len(members) == 1 else f"{name.partition(', seed ')[0]}, {len(members)} seeds"
 
 
 def merged(values: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:

@@ -104,12 +104,19 @@ class Album:
     colours: set[str]
 
 
-def albums(group: Group, command: str, beside: Path) -> list[Album]:
+def albums(group: Group, command: str, beside: Path, names: Sequence[str] | None = None) -> list[Album]:
     """The pictures that the group's case asks for; writes the snapshots as VTKHDF into the directory `beside`.
 
     Of several seeds of an engine the first is shown.
+
+    Args:
+        group: The runs.
+        command: What reproduces them.
+        beside: Directory of the VTKHDF files.
+        names: The pictures that are wanted; None for all.
     """
-    return [found for picture in group.first.pictures if (found := _album(group, picture, command, beside))]
+    wanted = [picture for picture in group.first.pictures if names is None or picture.name in names]
+    return [found for picture in wanted if (found := _album(group, picture, command, beside))]
 
 
 def _album(group: Group, picture: Picture, command: str, beside: Path) -> Album | None:

@@ -99,7 +99,8 @@ def table(study: Sensitivity, problem: Problem, found: Sequence[Finding]) -> Tab
         f"which the scatter of the seeds makes of equal means in {CONFIDENCE:.0%} of cases (Tukey), or below "
         f"{study.least_change:.2g} of the largest magnitude."
     )
-    return Table(f"{problem.name}-sensitivity", f"Does it depend on {study.parameter}?", columns, rows, note)
+    title = f"Does it depend on {study.parameter.replace('_', ' ')}?"
+    return Table(f"{problem.name}-sensitivity", title, columns, rows, note, tag=problem.tag)
 
 
 def _row(finding: Finding) -> tuple[Cell, ...]:
@@ -127,6 +128,7 @@ def plot(study: Sensitivity, problem: Problem, names: Sequence[str], command: st
         panels=tuple(panels),
         command=command,
         x_names=tuple(map(str, values)) if words else (),
+        tag=problem.tag,
     )
 
 

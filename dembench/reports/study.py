@@ -11,9 +11,12 @@ from dembench.cases.base import Reference
 from dembench.recipes import Page, Recipe
 from dembench.reports import facts, sensitivity
 from dembench.reports.cells import STATE_NAMES, run_cell, state_cell
+from dembench.reports.ensembles import ensembles
 from dembench.reports.entries import Group
 from dembench.reports.figures import Drawing, draw
 from dembench.reports.pages import write_page
+from dembench.reports.pictures import Album, albums
+from dembench.reports.published import published_times
 from dembench.reports.sensitivity import Finding
 from dembench.reports.study_figures import figures
 from dembench.reports.tables import Cell, Column, Table, numbers, significant
@@ -27,8 +30,11 @@ class Section:
 
     name: str
     title: str
+    tag: str
     facts: facts.Facts
     drawings: tuple[Drawing, ...]
+    albums: tuple[Album, ...]
+    results: tuple[Table, ...]
     tables: tuple[Table, ...]
 
 
@@ -36,6 +42,8 @@ def render(
     recipe: Recipe, page: Page, problems: Sequence[Problem], findings: Sequence[Finding], output: Path, command: str
 ) -> Path:
     """Writes the page of a recipe as one HTML file that needs no other file and no network.
+
+    Snapshots of pictures are written as VTKHDF files into a directory beside it; see `dembench.reports.report.render`.
 
     Args:
         recipe: The recipe.
@@ -49,13 +57,16 @@ def render(
         The path of the file.
     """
     groups = [group for problem in problems for group in problem.groups]
-    sections = [_section(recipe, page, problem, findings, command) for problem in problems]
+    beside = output.with_name(f"{output.stem}-particles")
+    sections = [_section(recipe, page, problem, findings, command, beside) for problem in problems]
     settings = facts.settings([_each_setting(problem) for problem in problems], [p.title for p in problems])
     tables = [facts.engines(groups), *settings, facts.load(groups), facts.all_runs(groups)]
     return write_page(
         "study.html.j2",
         output,
-        {entry.look.colour for group in groups for entry in group.entries},
+        {entry.look.colour for group in groups for entry in group.entries}.union(
+            *(album.colours for section in sections for album in section.albums)
+        ),
         [drawing for section in sections for drawing in section.drawings],
         title=recipe.title,
         summary=_summary(problems),
@@ -83,19 +94,26 @@ def _summary(problems: Sequence[Problem]) -> str:
     return f"{sum(states.values())} runs: {counts}. A run that is inaccurate is a finding here, not a fault."
 
 
-def _section(recipe: Recipe, page: Page, problem: Problem, findings: Sequence[Finding], command: str) -> Section:
-    plots = figures(problem, page, command)
-    tables = [_table(recipe, problem, page.quantities)]
-    if recipe.sensitivity is not None:
-        curves = sensitivity.plot(recipe.sensitivity, problem, page.quantities, command)
+def _section(
+    recipe: Recipe, page: Page, problem: Problem, findings: Sequence[Finding], command: str, beside: Path
+) -> Section:
+    plots, results = figures(problem, page, command), [_table(recipe, problem, page.quantities)]
+    if (study := recipe.sensitivity) is not None:
+        curves = sensitivity.plot(study, problem, page.quantities, command)
         plots = [*([curves] if curves else []), *plots]
-        if recipe.sensitivity.must_vary:
-            tables.insert(0, sensitivity.table(recipe.sensitivity, problem, findings))
+        results = [*([sensitivity.table(study, problem, findings)] if study.must_vary else []), *results]
+        tables = []
+    else:
+        tables = [t for group in problem.groups for t in (ensembles(group), published_times(group)) if t is not None]
+    shown = [album for group in problem.groups for album in albums(group, command, beside, page.pictures)]
     return Section(
         name=problem.name,
         title=problem.title,
+        tag=problem.tag,
         facts=facts.scene_facts(problem.groups[0]),
         drawings=tuple(draw(plot) for plot in plots),
+        albums=tuple(shown),
+        results=tuple(results),
         tables=tuple(tables),
     )
 
@@ -127,6 +145,7 @@ def _table(recipe: Recipe, problem: Problem, names: Sequence[str]) -> Table:
         tuple(rows if sources else rows[:-1]),
         "Means over the seeds, with half the range of the seeds where there are several.",
         tuple(f"[{k + 1}] {source}" for k, source in enumerate(sources)),
+        problem.tag,
     )
 
 

@@ -9,7 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from dembench.recipes import Page
-from dembench.reports.curves import plots
+from dembench.reports.case_figures import case_plots
+from dembench.reports.curves import merged
+from dembench.reports.curves import plots as series_plots
+from dembench.reports.ensembles import seed_plot
+from dembench.reports.entries import Group
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.units import labelled, shown_in
 from dembench.reports.variants import Problem, Variant
@@ -18,15 +22,17 @@ from dembench.results import Observed
 
 def figures(problem: Problem, page: Page, command: str) -> list[Plot]:
     """The figures of a problem that a page asks for; those that no run has anything for are left out."""
-    found = [plot for name in page.figures for plot in _common(problem, name, command)]
+    found = [plot for group in problem.groups for plot in _common(group, page.figures, command)]
     drawn = [_curves(problem, name, page.start, command) for name in page.curves]
     return [*found, *(plot for plot in (*drawn, _costs(problem, page.costs, command)) if plot is not None)]
 
 
-def _common(problem: Problem, name: str, command: str) -> list[Plot]:
-    """Figures of an observable as the common report draws them."""
-    wanted = [f"{group.name}-{name}".replace("_", "-") for group in problem.groups]
-    return [plot for group in problem.groups for plot in plots(group, command) if plot.name in wanted]
+def _common(group: Group, names: Sequence[str], command: str) -> list[Plot]:
+    """Figures of the common report, in the order of the names."""
+    known = (*series_plots(group, command, set()), *case_plots(group, command), seed_plot(group, command))
+    plots = {plot.name: plot for plot in known if plot is not None}
+    wanted = [f"{group.name}-{name}".replace("_", "-") for name in names]
+    return [plots[name] for name in wanted if name in plots]
 
 
 def _curves(problem: Problem, name: str, start: float, command: str) -> Plot | None:
@@ -43,21 +49,29 @@ def _curves(problem: Problem, name: str, start: float, command: str) -> Plot | N
     for family in dict.fromkeys(v.family for v in drawn):
         own = [v for v in drawn if v.family == family]
         lines = [
-            Line(_label(v), o.time * factor, o.value * scale, v.members[0].shown.look.colour, style)
-            for style, v in enumerate(own)
-            for o in _series(v, name, start)[:1]
+            _line(v, _series(v, name, start), factor, scale, style)
+            for style, v in enumerate(v for v in own if _series(v, name, start))
         ]
         label = labelled(shown[0].title.partition(" of ")[0].removeprefix("Vertical ").capitalize(), unit)
         panels.append(Panel(label, tuple(lines), band, title=own[0].title))
     return Plot(
         name=f"{problem.name}-{name}-curves".replace("_", "-").replace(".", "-"),
         title=shown[0].title,
-        caption="One panel per kind of variant; of several seeds the first is drawn."
-        + (" Band and thin line: range and mean of the references." if band else ""),
+        caption="One panel per kind of variant; of several seeds the median, with their range as a band."
+        + (" Grey band and thin line: range and mean of the references." if band else ""),
         x_label=labelled("Time", time_unit),
         panels=tuple(panels),
         command=command,
+        tag=problem.tag,
     )
+
+
+def _line(variant: Variant, series: Sequence[Observed], factor: float, scale: float, style: int) -> Line:
+    """The median of the seeds with their range, over the times that all of them have."""
+    rows = min(len(o.time) for o in series)
+    middle, low, high = merged([o.value[:rows] * scale for o in series])
+    colour = variant.members[0].shown.look.colour
+    return Line(_label(variant), series[0].time[:rows] * factor, middle, colour, style, low=low, high=high)
 
 
 def _label(variant: Variant) -> str:
@@ -102,6 +116,7 @@ def _costs(problem: Problem, names: Sequence[str], command: str) -> Plot | None:
         panels=tuple(panels),
         command=command,
         log_x=True,
+        tag=problem.tag,
     )
 
 

@@ -111,6 +111,11 @@ class Problem:
     variants: tuple[Variant, ...]
 
     @property
+    def tag(self) -> str:
+        """What to know of all its runs before reading anything: that they are softened, or nothing."""
+        return self.groups[0].tag
+
+    @property
     def references(self) -> list[Variant]:
         """The variants that the others are compared with."""
         return [v for v in self.variants if v.block.reference]
