@@ -12,6 +12,7 @@ import numpy as np
 
 from dembench.cases.run_times import RunTime, published_run_times
 from dembench.cases.views import CaseFigure, Picture
+from dembench.initial.filling import Filling
 from dembench.initial.progress import Progress
 from dembench.scene import Scene
 from dembench.scene.base import Model
@@ -180,6 +181,14 @@ class Case(ABC):
         Raises:
             CaseError: See `check`.
         """
+
+    def filling(self, parameters: Any, preset: Preset) -> Filling | None:
+        """How the initial state is made where none is given; None where the case has none that is filled."""
+        return None
+
+    def bed_name(self, parameters: Any) -> str:
+        """Name of the file with the bed of the quick preset."""
+        return self.name
 
     def softening(self, parameters: Any, preset: Preset) -> str:
         """How the materials of a variant are softer than the published ones; empty where they are not."""

@@ -12,7 +12,7 @@ from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Record
 from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.views import CaseFigure, Picture
-from dembench.initial.filling import TALL, Filling, Layer
+from dembench.initial.filling import SOFT, TALL, Filling, Layer
 from dembench.initial.progress import Progress
 from dembench.initial.published import read_coordinates
 from dembench.scene import (
@@ -104,6 +104,10 @@ class Drum(Case):
             ),
         )
 
+    def filling(self, parameters: DrumParameters, preset: Preset) -> Filling:
+        """See `Case.filling`."""
+        return filling(preset)
+
     def softening(self, parameters: DrumParameters, preset: Preset) -> str:
         """See `Case.softening`."""
         return softened(published("drum")[preset].get("young_factor", 1.0))
@@ -139,7 +143,7 @@ def filling(preset: Preset) -> Filling:
         species=_species(preset),
         walls=(exact_wall().model_copy(update={"motion": None}),),
         layers=tuple(Layer(species=name, count=s["count"]) for name, s in numbers["species"].items()),
-        protocol=TALL,
+        protocol=SOFT if preset == "quick" else TALL,
     )
 
 

@@ -96,6 +96,10 @@ class Impact(Case):
             grains, state = _given_bed(parameters, initial, seed)
         return _scene(f"{self.name}_{state}", grains, parameters, preset)
 
+    def filling(self, parameters: ImpactParameters, preset: Preset) -> Filling:
+        """See `Case.filling`."""
+        return filling(parameters.bed if preset == "published" else None)
+
     def quantities(self, scene: Scene, result: Recorded) -> list[Quantity]:
         """See `Case.quantities`."""
         return impact_scores.quantities(scene, result)

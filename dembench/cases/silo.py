@@ -12,7 +12,7 @@ from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Ratio,
 from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.views import CaseFigure, Picture
-from dembench.initial.filling import TALL, Filling, Layer
+from dembench.initial.filling import SOFT, TALL, Filling, Layer
 from dembench.initial.progress import Progress
 from dembench.initial.published import read_centres
 from dembench.scene import (
@@ -85,7 +85,7 @@ class Silo(Case):
         """See `Case.scene`. Every seed starts from the same fill, moved at random by the jitter."""
         self.check(parameters, preset, initial)
         numbers = published("silo")[preset]
-        fill, state = _fill(parameters, preset, initial, progress)
+        fill, state = self._fill(parameters, preset, initial, progress)
         position = moved(fill, seed, parameters.jitter)
         lip = _orifice(parameters)["lip"]
         top = lip + _orifice(parameters)["cone"] + published("silo")["barrel"]["length"]
@@ -117,6 +117,30 @@ class Silo(Case):
                 Snapshot(name="flow", times=(numbers["snapshot"],)),
             ),
         )
+
+    def _fill(
+        self, parameters: SiloParameters, preset: Preset, initial: Path | None, progress: Progress | None
+    ) -> tuple[np.ndarray, str]:
+        """Grain centres [m], shape (n, 3), and the state's part of the scene's name."""
+        plan = self.filling(parameters, preset)
+        if preset == "quick":
+            return bed(self.bed_name(parameters), plan, progress), "quick"
+        path = given_file(initial, f"silo {parameters.orifice} {parameters.material}", parameters.walls == "mesh")
+        if path is None:
+            return bed(None, plan, progress), "filled"
+        numbers = published("silo")["published"]
+        coordinates = given_coordinates(lambda: read_centres(path, numbers["grain_radius"]))
+        if len(coordinates.position) != numbers["grains"]:
+            raise CaseError(f"{path}: {len(coordinates.position)} grains; {self.name} has {numbers['grains']}")
+        return coordinates.position, "published"
+
+    def filling(self, parameters: SiloParameters, preset: Preset) -> Filling:
+        """See `Case.filling`; the quick preset has one fill for both materials."""
+        return filling(SiloParameters(orifice=parameters.orifice) if preset == "quick" else parameters, preset)
+
+    def bed_name(self, parameters: SiloParameters) -> str:
+        """See `Case.bed_name`."""
+        return f"{self.name}-{parameters.orifice}"
 
     def softening(self, parameters: SiloParameters, preset: Preset) -> str:
         """See `Case.softening`."""
@@ -159,7 +183,7 @@ def filling(parameters: SiloParameters, preset: Preset) -> Filling:
         species=(Species(name="grain", material=parameters.material, radius=numbers["grain_radius"]),),
         walls=(*exact_walls(parameters.orifice), outlet),
         layers=(Layer(species="grain", count=numbers["grains"]),),
-        protocol=TALL,
+        protocol=SOFT if preset == "quick" else TALL,
     )
 
 
@@ -169,23 +193,6 @@ def _walls(parameters: SiloParameters, initial: Path | None) -> tuple[WallShape,
     assert initial is not None, "checked before"
     name = f"{parameters.orifice} silo walls"
     return (Mesh(name="silo", material="steel", triangles=given_walls(initial, name)),)
-
-
-def _fill(
-    parameters: SiloParameters, preset: Preset, initial: Path | None, progress: Progress | None
-) -> tuple[np.ndarray, str]:
-    """Grain centres [m], shape (n, 3), and the state's part of the scene's name."""
-    if preset == "quick":
-        shipped = f"{Silo.name}-{parameters.orifice}"
-        return bed(shipped, filling(SiloParameters(orifice=parameters.orifice), preset), progress), "quick"
-    path = given_file(initial, f"silo {parameters.orifice} {parameters.material}", parameters.walls == "mesh")
-    if path is None:
-        return bed(None, filling(parameters, preset), progress), "filled"
-    numbers = published("silo")["published"]
-    coordinates = given_coordinates(lambda: read_centres(path, numbers["grain_radius"]))
-    if len(coordinates.position) != numbers["grains"]:
-        raise CaseError(f"{path}: {len(coordinates.position)} grains; {Silo.name} has {numbers['grains']}")
-    return coordinates.position, "published"
 
 
 def exact_walls(orifice: str) -> tuple[Cylinder, Frustum]:

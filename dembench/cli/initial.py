@@ -1,4 +1,4 @@
-"""Verbs about initial states: convert."""
+"""Verbs about initial states: make, convert."""
 
 from __future__ import annotations
 
@@ -9,13 +9,53 @@ import numpy as np
 import typer
 
 from dembench import console
-from dembench.cli.options import Json, print_json, usage_errors
+from dembench.cases.base import CaseError
+from dembench.cases.registry import parse_case
+from dembench.cli.options import Json, PresetName, print_json, usage_errors
 from dembench.initial import formats
+from dembench.initial.beds import Bed, write_bed
+from dembench.initial.filling import PackingError, cache_path, filled, measure
 from dembench.initial.formats.state import FIELDS, UNITS, State
 from dembench.initial.rows import CoordinatesError
 
 app = typer.Typer(no_args_is_help=True, help="Initial states: makes, measures and converts them.")
 _NAMES = ", ".join(formats.names())
+
+
+@app.command()
+def make(
+    case: Annotated[str, typer.Argument(metavar="CASE", help="case1[orifice=large]")],
+    preset: PresetName = None,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the filling")] = 0,
+    out: Annotated[Path | None, typer.Option(help="file *.npz or directory; default: the cache")] = None,
+    json_: Json = False,
+) -> None:
+    """Makes the initial state of a case, or finds it in the cache, and shows how it is packed.
+
+    An interrupted filling goes on where it was when it is asked for again.
+    """
+    with usage_errors():
+        chosen, parameters = parse_case(case)
+        chosen.check(parameters, preset or "quick")
+        plan = chosen.filling(parameters, preset or "quick")
+        if plan is None:
+            raise CaseError(f"{case}: its initial state is not filled")
+    try:
+        with console.bar(json_) as progress:
+            position = filled(plan, seed, progress)
+    except PackingError as error:
+        console.error(str(error))
+        raise typer.Exit(1) from None
+    path = cache_path(plan, seed)
+    if out is not None:
+        path = out if out.suffix == ".npz" else out / f"{chosen.bed_name(parameters)}.npz"
+        write_bed(path, Bed(plan, seed, position))
+    found = measure(plan, position)
+    if json_:
+        print_json({"file": str(path), **found.model_dump()})
+    else:
+        console.line(str(path))
+        console.line(found.line())
 
 
 @app.command()

@@ -34,34 +34,43 @@ def cached(kind: str, inputs: dict[str, Any], make: Callable[[], np.ndarray]) ->
         inputs: Everything that the array depends on, as plain JSON data; its hash is the key.
         make: Makes the array where the cache does not have it, or has a file that cannot be read.
     """
-    text, path = _text(inputs), entry(kind, inputs)
-    stored = _read(path, text)
-    if stored is not None:
-        return stored
+    path = entry(kind, inputs)
+    try:
+        array, found = load(path)
+        if _text(found) == _text(inputs):
+            return array
+    except ValueError:
+        pass
     made = make()
-    _store(path, text, made)
+    store(path, inputs, made)
     return made
 
 
-def _text(inputs: dict[str, Any]) -> str:
-    return json.dumps(inputs, sort_keys=True)
+def load(path: Path) -> tuple[np.ndarray, dict[str, Any]]:
+    """The array of a file that `store` has written, and what it was made from.
 
-
-def _read(path: Path, text: str) -> np.ndarray | None:
+    Raises:
+        ValueError: The file is not there, is damaged or is no such file.
+    """
     try:
         with np.load(path, allow_pickle=False) as stored:
-            return stored["array"] if str(stored["inputs"]) == text else None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-        return None
+            return stored["array"], json.loads(str(stored["inputs"]))
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: no packing made by dembench: {error}") from None
 
 
-def _store(path: Path, text: str, array: np.ndarray) -> None:
+def store(path: Path, inputs: dict[str, Any], array: np.ndarray) -> None:
+    """Writes an array with what it was made from; the file appears when it is complete."""
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor, temporary = tempfile.mkstemp(prefix=path.stem, suffix=".tmp", dir=path.parent)
     try:
         with os.fdopen(descriptor, "wb") as stream:
-            np.savez_compressed(stream, array=array, inputs=np.array(text))
+            np.savez_compressed(stream, array=array, inputs=np.array(_text(inputs)))
         os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def _text(inputs: dict[str, Any]) -> str:
+    return json.dumps(inputs, sort_keys=True)

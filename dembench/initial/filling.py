@@ -10,7 +10,7 @@ import itertools
 import math
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -87,6 +87,10 @@ TALL = Protocol(
 )
 """For containers many diameters high, where falling takes long: most of it with fifty times softer particles. A stage
 is at most ten times stiffer than the one before, whose overlaps would throw the particles up otherwise."""
+
+
+SOFT = Protocol(stages=(Stage(friction=0.5, rest=1e-2), Stage()), lattice_fraction=0.42)
+"""For particles that are a hundred times softer than real ones themselves."""
 
 
 class Layer(Model):
@@ -170,9 +174,22 @@ def filled(plan: Filling, seed: int, progress: Progress | None = None) -> np.nda
         PackingError: The particles have no room or do not rest in time, or the height or solid fraction is outside
             the tolerance.
     """
-    kind, inputs = f"filling{plan.count}", {"plan": plan.model_dump(mode="json"), "seed": seed}
-    checkpoints = Checkpoints(entry(kind, inputs))
-    return cached(kind, inputs, lambda: _settle(plan, seed, progress or silent, checkpoints))
+    checkpoints = Checkpoints(cache_path(plan, seed))
+    return cached(_kind(plan), inputs(plan, seed), lambda: _settle(plan, seed, progress or silent, checkpoints))
+
+
+def inputs(plan: Filling, seed: int) -> dict[str, Any]:
+    """Everything that a filling depends on, as plain JSON data."""
+    return {"plan": plan.model_dump(mode="json"), "seed": seed}
+
+
+def cache_path(plan: Filling, seed: int) -> Path:
+    """Where the cache keeps a filling."""
+    return entry(_kind(plan), inputs(plan, seed))
+
+
+def _kind(plan: Filling) -> str:
+    return f"filling{plan.count}"
 
 
 def measure(plan: Filling, position: np.ndarray) -> Packing:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dembench.scene import SceneError, check_scene, load_scene, save_scene, scene_from
+from dembench.scene.checks import accepted_overlap
 
 GOOD = {
     "name": "two_beads",
@@ -195,6 +196,19 @@ def test_particles_may_overlap_a_wall_by_one_percent(overlap, accepted):
     else:
         text = message(data)
         assert "wall box" in text and "particle 0" in text and "1.10%" in text
+
+
+@pytest.mark.parametrize("young,accepted", [(1e9, 0.01), (1e7, 0.08957)])
+def test_soft_particles_may_overlap_as_their_weight_makes_them(young, accepted):
+    """A bed 0.2 m high of radius 3.2 mm: p = 0.6 2500 9.81 0.2 = 2943 Pa, F = p (6.4 mm)^2 = 0.1205 N, E* = 5.208e6 Pa,
+    overlap (3 F/(4 E* 0.04 sqrt(m)))^(2/3) = 57.3 um = 1.79 % of the radius, five times that for the strongest."""
+    data = at("materials", 0, "young", value=young)
+    data["materials"][1]["young"] = young
+    data["species"][0]["radius"] = 0.0032
+    data["walls"][0]["upper"][2] = 0.4
+    data["domain"]["upper"][2] = 0.4
+    data["bodies"] = {"position": [[0, 0, 0.0032], [0, 0, 0.2032]]}
+    assert accepted_overlap(scene_from(data)) == pytest.approx(accepted, rel=1e-3)
 
 
 def test_overlap_is_measured_by_the_smaller_particle():
