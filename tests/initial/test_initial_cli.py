@@ -45,7 +45,7 @@ def test_a_made_bed_stands_in_the_cache_and_where_it_is_asked_for(tmp_path):
 def test_what_cannot_be_made_is_refused(monkeypatch, small):
     found = invoke("make", "case9")
     assert found.exit_code == 2 and "case9" in found.stderr
-    hasty = Protocol(longest=0.01, stages=(Stage(rest=1e-12),))
+    hasty = Protocol(longest=0.001, stages=(Stage(rest=1e-12),))
     monkeypatch.setattr(Impact, "filling", lambda *given: small(*given).model_copy(update={"protocol": hasty}))
     found = invoke("make", "case3")
-    assert found.exit_code == 1 and "50 particles do not rest after 0.01 s" in found.stderr
+    assert found.exit_code == 1 and "50 particles do not rest after 0.001 s" in found.stderr
