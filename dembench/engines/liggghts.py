@@ -197,6 +197,7 @@ class Liggghts(Engine):
         if settings.ranks > 1:
             command = ["mpirun", "--bind-to", "none", "--oversubscribe", "-n", str(settings.ranks), *command]
             environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+            environment["OMPI_MCA_mpi_yield_when_idle"] = "1"  # a waiting rank must not hold a core that others need
         shown = " ".join(Path(part).name if part == program else part for part in command)
         throughput = PARTICLE_STEPS_PER_SECOND * settings.ranks
         cut = legs(scene, settings, throughput, launch.start)

@@ -30,7 +30,7 @@ class Primitive:
     """An infinite wall of the program.
 
     Attributes:
-        id: Name of its fix.
+        id: Name of its fix, of nine characters at most: the program makes room for no more where it stores forces.
         wall: Name of the scene's wall.
         type: Type of its material.
         shape: Kind with its numbers.
@@ -108,22 +108,22 @@ def walls(scene: Scene, segments: int) -> Walls:
     """Every wall as primitives where these are exact, else as triangles; round ones with that many sides."""
     made = Walls([], [], {}, [], np.full(3, -np.inf), np.full(3, np.inf))
     for k, wall in enumerate(scene.walls, 1):
-        name, kind = f"wall{k}_{wall.name}", type_of(scene, wall.material)
+        kind = type_of(scene, wall.material)
         if isinstance(wall, Cylinder | Frustum):
-            _add_round(made, wall, name, kind, scene, segments)
+            _add_round(made, wall, k, kind, scene, segments)
             continue
         shapes = None if wall.motion is not None else _shapes(wall)
         if shapes is not None:
-            made.primitives.extend(Primitive(f"{name}{suffix}", wall.name, kind, shape) for suffix, shape in shapes)
+            made.primitives.extend(Primitive(f"w{k}{part}", wall.name, kind, shape) for part, shape in shapes)
             continue
         triangles = _clipped_plane(wall, scene) if isinstance(wall, Plane) else wall.triangulate()
         if len(triangles):
-            made.surfaces.append(Surface(name, wall.name, kind, triangles, wall.motion))
+            made.surfaces.append(Surface(f"wall{k}_{wall.name}", wall.name, kind, triangles, wall.motion))
     return made
 
 
 def _shapes(wall: Plane | Box | Mesh | Sdf) -> list[tuple[str, str]] | None:
-    """The exact primitives of a wall at rest as (suffix of its name, shape); None where there are none."""
+    """The exact primitives of a wall at rest as (end of the id, shape); None where there are none."""
     if isinstance(wall, Plane):
         axis = axis_of(wall.normal)
         return None if axis is None else [("", f"{AXES[axis]}plane {wall.point[axis]!r}")]
@@ -131,38 +131,40 @@ def _shapes(wall: Plane | Box | Mesh | Sdf) -> list[tuple[str, str]] | None:
         named = []
         for plane in wall.planes():
             axis = int(np.argmax(np.abs(plane.normal)))
-            side = "low" if plane.normal[axis] > 0 else "high"
-            named.append((f"_{AXES[axis]}_{side}", f"{AXES[axis]}plane {plane.point[axis]!r}"))
+            side = "lo" if plane.normal[axis] > 0 else "hi"
+            named.append((f"_{AXES[axis]}{side}", f"{AXES[axis]}plane {plane.point[axis]!r}"))
         return named
     return None
 
 
-def _add_round(made: Walls, wall: Cylinder | Frustum, name: str, kind: int, scene: Scene, segments: int) -> None:
+def _add_round(made: Walls, wall: Cylinder | Frustum, k: int, kind: int, scene: Scene, segments: int) -> None:
     """Adds a round wall: a primitive mantle with planes or turning discs as ends, or a polygon."""
     axis = axis_of(np.subtract(wall.end, wall.start))
     if not isinstance(wall, Cylinder) or not is_primitive(wall, scene) or axis is None:
         made.polygons.append(wall.name)
-        made.surfaces.append(Surface(name, wall.name, kind, polygon(wall, segments), wall.motion))
+        made.surfaces.append(Surface(f"wall{k}_{wall.name}", wall.name, kind, polygon(wall, segments), wall.motion))
         return
     b, c = (axis + 1) % 3, (axis + 2) % 3  # the program takes the centre in cyclic order: z and x for the y axis
     shape = f"{AXES[axis]}cylinder {wall.radius!r} {wall.start[b]!r} {wall.start[c]!r}"
     if wall.motion is None:
-        made.primitives.append(Primitive(name, wall.name, kind, shape))
+        made.primitives.append(Primitive(f"w{k}", wall.name, kind, shape))
         for closed, here, there in (
             (wall.closed_start, wall.start[axis], wall.end[axis]),
             (wall.closed_end, wall.end[axis], wall.start[axis]),
         ):
             if closed:
-                side = "low" if here < there else "high"
-                made.primitives.append(Primitive(f"{name}_{side}", wall.name, kind, f"{AXES[axis]}plane {here!r}"))
+                side = "lo" if here < there else "hi"
+                made.primitives.append(
+                    Primitive(f"w{k}_{AXES[axis]}{side}", wall.name, kind, f"{AXES[axis]}plane {here!r}")
+                )
     else:
-        _add_turning(made, wall, name, kind, shape, axis, scene)
+        _add_turning(made, wall, k, kind, shape, axis, scene)
     for along, end, at in open_tops(wall, scene):
         bound = made.ceiling if end > 0 else made.floor
         bound[along] = min(bound[along], at) if end > 0 else max(bound[along], at)
 
 
-def _add_turning(made: Walls, wall: Cylinder, name: str, kind: int, shape: str, axis: int, scene: Scene) -> None:
+def _add_turning(made: Walls, wall: Cylinder, k: int, kind: int, shape: str, axis: int, scene: Scene) -> None:
     """Adds a cylinder that turns about itself: a primitive for each radius of the bodies, and its ends as discs.
 
     The program gives the surface the velocity that it would have where the body's centre is. A higher angular velocity,
@@ -170,13 +172,13 @@ def _add_turning(made: Walls, wall: Cylinder, name: str, kind: int, shape: str, 
     """
     assert wall.motion is not None, "a wall at rest does not turn"
     radii = scene.radii()
-    for k, radius in enumerate(np.unique(radii), 1):
-        made.groups.setdefault(f"size{k}", _ranges(np.flatnonzero(radii == radius) + 1))
+    for size, radius in enumerate(np.unique(radii), 1):
+        made.groups.setdefault(f"size{size}", _ranges(np.flatnonzero(radii == radius) + 1))
         speed = wall.motion.angular_velocity[axis] * wall.radius / (wall.radius - float(radius))
         shear = f"shear {AXES[(axis + 1) % 3]} {speed!r}"
-        made.primitives.append(Primitive(f"{name}_size{k}", wall.name, kind, shape, f"size{k}", shear))
+        made.primitives.append(Primitive(f"w{k}_s{size}", wall.name, kind, shape, f"size{size}", shear))
     if wall.closed_start or wall.closed_end:
-        made.surfaces.append(Surface(f"{name}_ends", wall.name, kind, discs(wall), wall.motion))
+        made.surfaces.append(Surface(f"wall{k}_{wall.name}_ends", wall.name, kind, discs(wall), wall.motion))
 
 
 def _ranges(numbers: np.ndarray) -> list[str]:
