@@ -73,7 +73,7 @@ class LiggghtsSettings(EngineSettings):
     bin_size: Positive | None = None
     sort_size: Positive | None = None
     segments: Annotated[int, Field(ge=8)] = 100
-    sink_interval: Positive = 1e-3
+    sink_interval: Positive = 5e-3
     checkpoint: Positive = 240.0
 
     def cores(self) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from dembench.engines.liggghts_output import FIRST_FORCES, Launch, every_of, observed_walls, steps_of
 from dembench.engines.liggghts_round import half_space
 from dembench.engines.liggghts_walls import AXES, Walls, materials_of, type_of
-from dembench.scene import Region, Scene, features
+from dembench.scene import Motion, Region, Scene, features
 
 SOFT_YOUNG, HARD_YOUNG = 5e6, 1e9
 IDS_PER_LINE = 1000
@@ -129,36 +129,48 @@ def grid(scene: Scene, ranks: int) -> tuple[int, int, int]:
     """The division of the domain among ranks.
 
     The ranks have equal parts of the domain, not of the bodies: first comes the grid whose fullest part holds the
-    fewest bodies of the initial state, so that no cut leaves a part empty, and among grids within a tenth of that the
-    one with the least cut surface through the bodies.
+    fewest bodies, so that no cut leaves a part empty, and among grids within a tenth of that the one with the least cut
+    surface through the bodies. Where walls turn, the bed will climb with them: it is looked at there, too.
     """
     position = scene.bodies.position
     low, high = np.array(scene.domain.lower), np.array(scene.domain.upper)
-    share = np.clip((position - low) / (high - low), 0, np.nextafter(1, 0))
+    turned = [_climbed(position, w.motion) for w in scene.walls if w.motion and any(w.motion.angular_velocity)]
+    shares = [np.clip((p - low) / (high - low), 0, np.nextafter(1, 0)) for p in (position, *turned)]
     spread = np.std(position, axis=0) + scene.radii().mean()  # not the extent: a single ball would set it
     faces = spread.prod() / spread
     grids = [
         (a, b, ranks // (a * b)) for a in range(1, ranks + 1) for b in range(1, ranks // a + 1) if ranks % (a * b) == 0
     ]
-    loads = [np.unique((share * g).astype(int), axis=0, return_counts=True)[1].max() for g in grids]
+    loads = [
+        max(np.unique((share * g).astype(int), axis=0, return_counts=True)[1].max() for share in shares) for g in grids
+    ]
     even = [g for g, load in zip(grids, loads, strict=True) if load <= 1.1 * min(loads)]
     return min(even, key=lambda g: (np.array(g) - 1) @ faces)
+
+
+def _climbed(position: np.ndarray, motion: Motion) -> np.ndarray:
+    """Positions [m] after an eighth of a turn of a wall: Rodrigues' rotation."""
+    axis = np.array(motion.angular_velocity) / np.linalg.norm(motion.angular_velocity)
+    relative = position - motion.centre
+    along = (relative @ axis)[:, None] * axis
+    angle = math.pi / 4
+    return motion.centre + along + math.cos(angle) * (relative - along) + math.sin(angle) * np.cross(axis, relative)
 
 
 def box(scene: Scene, settings: Any, parts: Walls) -> tuple[np.ndarray, np.ndarray]:
     """Corners of the program's box [m].
 
-    The domain, and beyond it the triangles of walls wherever they move, and the way that a body may make in a sink
-    which takes a whole side of the domain before it is removed.
+    The domain, but where a sink takes a whole side of it only the way that a body may make in the sink before it is
+    removed; and the triangles of walls wherever they move.
     """
     low, high = np.array(scene.domain.lower), np.array(scene.domain.upper)
     way = FASTEST * settings.sink_interval
     for half in filter(None, (half_space(sink.region) for sink in scene.sinks)):
         axis, side, border = half
         if side < 0:
-            low[axis] = min(low[axis], border - way)
+            low[axis] = min(border - way, scene.bodies.position[:, axis].min())
         else:
-            high[axis] = max(high[axis], border + way)
+            high[axis] = max(border + way, scene.bodies.position[:, axis].max())
     for surface in parts.surfaces:
         reached = surface.reach(scene.duration)
         low, high = np.minimum(low, reached[0]), np.maximum(high, reached[1])

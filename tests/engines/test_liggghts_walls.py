@@ -216,10 +216,11 @@ def test_an_infinite_cylinder_stands_for_a_barrel_only_where_no_grain_can_tell(c
 
 
 def test_no_rank_gets_an_empty_part() -> None:
-    """A tall silo is cut across its width although it is longest along z; a flat bed along its longer side."""
+    """A tall silo is cut across its width, a flat bed along its longer side, a turning drum along its axis."""
     assert grid(silo(), 2) in {(2, 1, 1), (1, 2, 1)}
     assert grid(silo(), 4) == (2, 2, 1)
     assert grid(scene((DRUM,)), 2) == (2, 1, 1)
+    assert grid(scene((drum_as_mesh(),)), 2) == (1, 2, 1)
 
 
 def test_two_ranks_turn_a_mesh_and_remove_bodies_as_one(tmp_path: Path) -> None:
