@@ -19,6 +19,8 @@ SOFT_YOUNG, HARD_YOUNG = 5e6, 1e9
 IDS_PER_LINE = 1000
 CURVATURE = 0.256235
 """Angle between neighbouring triangles below which they are one smooth face to the program [degrees]; its default."""
+FAR = 1e6
+"""Height of a plane that no body comes near [m]."""
 FASTEST = 10.0
 """Speed up to which no body crosses the room behind a sink between two removals [m/s]."""
 
@@ -50,14 +52,16 @@ def _values(scene: Scene, settings: Any, parts: Walls) -> dict[str, Any]:
     held = sorted({b for c in scene.constraints for b in c.bodies})
     magnitude = math.hypot(*scene.gravity)
     tracks = steps_of(scene.track_times(), settings.dt)
+    # By itself the program takes half the largest cutoff, which is nothing once all bodies are gone.
+    cell = float(f"{scene.radii().max() + settings.skin / 2:.6g}") if scene.sinks else None
     return {
         "scene": scene,
         "count": len(scene.bodies),
         "dt": settings.dt,
         "steps": steps,
         "skin": settings.skin,
-        "bin_size": settings.bin_size,
-        "sort_size": settings.sort_size,
+        "bin_size": settings.bin_size or cell,
+        "sort_size": settings.sort_size or cell,
         "boundary": " ".join("p" if p else "f" for p in scene.domain.periodic),
         "grid": grid(scene, settings.ranks) if settings.ranks > 1 else None,
         "hard": any(m.young > HARD_YOUNG for m in materials),
@@ -73,6 +77,7 @@ def _values(scene: Scene, settings: Any, parts: Walls) -> dict[str, Any]:
         "thermo": max(1, steps // 200),
         "frame_every": every_of(steps_of(scene.frame_times(), settings.dt), steps),
         "curvature": CURVATURE,
+        "far": FAR,
         "first_forces": FIRST_FORCES,
         **_forces(scene, parts),
         "tracked": [b + 1 for b in scene.tracked_bodies()],

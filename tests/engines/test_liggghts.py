@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shutil
 import subprocess
 import tempfile
@@ -15,7 +16,7 @@ from launching import installed, run
 
 from dembench.engines.base import SettingsError
 from dembench.engines.liggghts import Liggghts
-from dembench.scene import Scene, SceneError, scene_from
+from dembench.scene import Cylinder, Scene, SceneError, scene_from
 
 GOLDEN = Path(__file__).parent / "golden"
 GLASS = {"name": "glass", "density": 2500, "young": 1e7, "poisson": 0.2}
@@ -113,14 +114,53 @@ def grains() -> Scene:
     return scene(name="grains", walls=(BOX,), bodies={"position": position, "velocity": velocity}, duration=0.04)
 
 
-CASES = {"two_spheres": (two_spheres, {}), "box": (box, {"ranks": "2"}), "drum": (drum, {"segments": "8"})}
+def silo(**changes: Any) -> Scene:
+    """Case 1 in small: a cylinder, a cone of triangles, forces on both, a sink, parts with checkpoints."""
+    barrel = {**DRUM, "name": "barrel", "start": (0, 0, 0), "end": (0, 0, 0.02), "closed_start": False}
+    cone = {"kind": "frustum", "name": "cone", "material": "steel", "start": (0, 0, -0.008), "end": (0, 0, 0),
+            "radius_start": 0.01, "radius_end": 0.018}  # fmt: skip
+    forces = ({"kind": "wall-force", "name": name, "wall": name, "interval": 1e-3} for name in ("barrel", "cone"))
+    made = {
+        "name": "silo",
+        "walls": ({**barrel, "closed_end": False}, cone),
+        "bodies": {"position": [[0, 0, 0.004], [0.001, 0, 0.008], [0, 0.001, 0.012]]},
+        "sinks": ({"name": "outlet", "region": {"upper": (None, None, -0.01)}},),
+        "observables": ({"kind": "count", "name": "all", "interval": 1e-3}, *forces),
+    }
+    return scene(**{**made, **changes})
+
+
+def mixer() -> Scene:
+    """Case 2 in small: a turning mesh, two species, parts with checkpoints."""
+    drum = Cylinder(**{**DRUM, "kind": "cylinder"}).triangulate(6)
+    return scene(
+        name="mixer",
+        walls=({"kind": "mesh", "name": "drum", "material": "steel", "triangles": drum, "motion": TURNING},),
+        species=tuple({"name": n, "material": "glass", "radius": r} for n, r in (("M1", 0.001), ("M2", 0.002))),
+        bodies={"position": [[0, 0, -0.012], [0.004, 0, -0.012], [-0.005, 0, -0.01]], "species": [0, 0, 1]},
+    )
+
+
+CASES = {
+    "two_spheres": (two_spheres, {}),
+    "box": (box, {"ranks": "2"}),
+    "drum": (drum, {"segments": "8"}),
+    "silo": (silo, {"segments": "8", "checkpoint": "0.001", "sink_interval": "0.001"}),
+    "mixer": (mixer, {"checkpoint": "0.001"}),
+}
 
 
 def write(made: Scene, directory: Path, **overrides: str) -> str:
-    """The deck of a scene as text; all its files are in the directory."""
+    """The deck of a scene as text; all its files are in the directory, with the deck of a launch from a checkpoint."""
     engine = Liggghts()
-    engine.write(made, engine.settings(made, "closed", overrides), directory)
-    return (directory / "in.liggghts").read_text()
+    settings = engine.settings(made, "closed", overrides)
+    engine.write(made, settings, directory)
+    text = (directory / "in.liggghts").read_text()
+    if parts := re.findall(r"checkpoint\.\d+\.restart$", text, re.M):
+        (directory / parts[0]).write_bytes(b"")
+        engine.resume(made, settings, directory)
+        (directory / parts[0]).unlink()
+    return text
 
 
 # ---- decks
@@ -145,11 +185,14 @@ def test_decks_are_those_on_record(name: str, tmp_path: Path) -> None:
         ("tracked bodies", "dump             tracks"),
         ("ranks", "processors"),
         ("stiff materials", "hard_particles"),
+        ("sinks", "delete_atoms"),
+        ("wall forces", "compute"),
+        ("checkpoints", "write_restart"),
     ],
 )
 def test_a_deck_has_only_the_commands_that_the_scene_needs(absent: str, command: str, tmp_path: Path) -> None:
     assert command not in write(two_spheres(), tmp_path), f"no {absent}, yet the command is there"
-    everything = write(box(), tmp_path, ranks="2") + write(drum(), tmp_path)
+    everything = "".join(write(build(), tmp_path, **overrides) for build, overrides in CASES.values())
     assert command in everything
 
 

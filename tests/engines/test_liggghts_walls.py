@@ -199,6 +199,24 @@ def test_a_silo_empties_as_in_the_tree(tmp_path: Path) -> None:
     assert np.abs(np.subtract(*counts)).max() < 0.02 * len(made.bodies)
 
 
+def test_a_silo_may_run_empty(tmp_path: Path) -> None:
+    """The frames go on without bodies; the grains of the first material leave before those of the other."""
+    gravel = {**GLASS, "name": "gravel"}
+    pairs = [("glass", "glass"), ("glass", "gravel"), ("gravel", "gravel"), ("glass", "steel"), ("gravel", "steel")]
+    laws = tuple({"a": a, "b": b, "restitution": 0.5, "friction": 0.2} for a, b in pairs)
+    made = silo(
+        materials=(GLASS, gravel, STEEL),
+        pair_laws=laws,
+        species=tuple({"name": m, "material": m, "radius": 0.001} for m in ("glass", "gravel")),
+        bodies={"position": [[0, 0, 0.015], [0, 0.0001, 0.02]], "species": [0, 1]},
+        domain={"lower": (-0.021, -0.021, -0.2), "upper": (0.021, 0.021, 0.06)},
+    )
+    series = run(installed("liggghts"), made, tmp_path)
+    assert series.failure is None, series.detail
+    left = [len(frame.present) for frame in series.frames]
+    assert left == sorted(left, reverse=True) and set(left) == {2, 1, 0}
+
+
 @pytest.mark.parametrize(
     ("changes", "exact"),
     [
