@@ -115,6 +115,7 @@ def _angle(scene: Scene, result: Any) -> list[Trace]:
 
 def _corotation(scene: Scene, result: Any) -> list[Trace]:
     def measure(shots: Any, k: int) -> float:
-        return drum_bed.wall_layer(scene, shots.position[k], shots.velocity[k], shots.angular_velocity[k])[0]
+        layer = drum_bed.wall_layer(scene, shots.position[k], shots.velocity[k], shots.angular_velocity[k])
+        return np.nan if layer is None else layer[0]
 
     return _each(scene, result, measure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -22,12 +22,12 @@ LEAST_SEEDS = 3
 """Smallest number of seeds that are drawn as one line with a band."""
 
 
-def plots(group: Group, command: str, without: set[str]) -> list[Plot]:
+def plots(group: Group, command: str, without: Collection[str] = ()) -> list[Plot]:
     """The figures of a group's series, in the order of the scene's observables, `without` those shown elsewhere."""
     if group.first.scene is None:
         return []
     found = []
-    hidden = _hidden(group.first.scene) | without
+    hidden = _hidden(group.first.scene) | set(without)
     for name in _names(group):
         if name not in hidden:
             found.append(_plot(group, name, command))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dembench.cases.base import Reference
 from dembench.reports.cells import run_cell, state_cell
 from dembench.reports.comparisons import leading_quantities, span
 from dembench.reports.entries import Ensemble, Group
@@ -55,7 +56,7 @@ def ensembles(group: Group) -> Table | None:
     order = list(dict.fromkeys(score.quantity.name for _, score in scored))
     scored.sort(key=lambda found: order.index(found[1].quantity.name))
     sources = list(dict.fromkeys(s.reference.source for _, s in scored if s.reference))
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for name in order:
         own = [(e, s) for e, s in scored if s.quantity.name == name]
         rows += _rows(own, sources)
@@ -85,7 +86,7 @@ def ensembles(group: Group) -> Table | None:
 
 def _distinct(ensemble: Ensemble) -> list[Score]:
     """One score for each quantity and reference of the seeds, without necessary conditions."""
-    found = {}
+    found: dict[tuple[str, Reference | None], Score] = {}
     for member in ensemble.ended:
         for score in member.shown.scores:
             if score.reference is None or not score.reference.necessary:
@@ -106,7 +107,7 @@ def _rows(scored: Sequence[tuple[Ensemble, Score]], sources: Sequence[str]) -> l
     def cell(value: float | None, digits: int = places, detail: str = "") -> Cell:
         return Cell() if value is None else Cell(grouped(factor * value, digits), factor * value, detail=detail)
 
-    rows = []
+    rows: list[tuple[Cell, ...]] = []
     for (ensemble, score), spread in zip(scored, spreads, strict=True):
         reference = score.reference
         judged = reference is not None and not (reference.low is None and reference.high is None)
@@ -204,9 +205,9 @@ def seed_plot(group: Group, command: str) -> Plot | None:
 def _seed_panel(group: Group, name: str) -> Panel | None:
     found = []
     for ensemble in group.ensembles:
-        pairs = [(m.shown.spec.seed, v) for m in ensemble.ended if (v := m.shown.quantity(name)) is not None]
-        if pairs:
-            found.append((ensemble, np.array(pairs, dtype=float)))
+        seen = [(m.shown.spec.seed, v) for m in ensemble.ended if (v := m.shown.quantity(name)) is not None]
+        if seen:
+            found.append((ensemble, np.array(seen, dtype=float)))
     if not found:
         return None
     scores = [s for e, _ in found for s in _distinct(e) if s.quantity.name == name]
@@ -222,9 +223,9 @@ def _seed_panel(group: Group, name: str) -> Panel | None:
             mean = np.full_like(ends, spread.mean)
             band = mean - spread.deviation, mean + spread.deviation
             lines.append(Line(f"{ensemble.label}, mean", ends, mean, colour, style, low=band[0], high=band[1]))
-    known = []
-    for score in dict.fromkeys(s.reference for s in scores if s.reference and s.reference.value is not None):
-        level = np.full_like(ends, factor * (score.value or 0.0))
-        low, high = (None if v is None else np.full_like(ends, factor * v) for v in (score.low, score.high))
-        known.append(Known(f"reference, {score.kind}", ends, level, low, high, points=False, style=len(known)))
+    known: list[Known] = []
+    for reference in dict.fromkeys(s.reference for s in scores if s.reference and s.reference.value is not None):
+        level = np.full_like(ends, factor * (reference.value or 0.0))
+        low, high = (None if v is None else np.full_like(ends, factor * v) for v in (reference.low, reference.high))
+        known.append(Known(f"reference, {reference.kind}", ends, level, low, high, points=False, style=len(known)))
     return Panel(labelled("Value", unit), tuple(lines), tuple(known), log_y=False, title=scores[0].quantity.title)

@@ -204,8 +204,8 @@ def _counts(panel: Panel) -> bool:
 
 def _limit(ax: Axes, panels: Sequence[Panel], log_x: bool) -> None:
     """Ends of a horizontal axis, from everything that is drawn in the panels that share it."""
-    drawn: list[Line | Known] = [curve for panel in panels for curve in (*panel.lines, *panel.known)]
-    ends = [value for curve in drawn if len(curve.x) for value in (np.min(curve.x), np.max(curve.x))]
+    drawn = [line.x for panel in panels for line in panel.lines] + [k.x for panel in panels for k in panel.known]
+    ends = [value for x in drawn if len(x) for value in (np.min(x), np.max(x))]
     if log_x:
         ax.set_xlim(0.8 * min(ends), 1.25 * max(ends))
     elif ends and max(ends) > min(ends):

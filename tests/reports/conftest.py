@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from synthetic import every_state, registered
+from synthetic_bulk import add_bulk_run, silo_record, silo_scene
 
 from dembench.reports.report import render
 from dembench.runs.directory import find_runs
@@ -31,3 +32,15 @@ def page(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of these runs."""
     with registered():
         return render(find_runs(runs), tmp_path_factory.mktemp("page") / "report.html")
+
+
+@pytest.fixture(scope="session")
+def silo_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two engines on a silo, one of which ended early."""
+    out = tmp_path_factory.mktemp("silo")
+    with registered():
+        scene = silo_scene()
+        add_bulk_run(out / "runs", scene, "alpha", silo_record(scene, 400), "case1")
+        short = silo_record(scene, 500, until=0.4)
+        add_bulk_run(out / "runs", scene, "beta", short, "case1", state="timeout", reason="time limit")
+        return render(find_runs(out / "runs"), out / "silo.html")

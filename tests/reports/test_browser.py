@@ -201,3 +201,50 @@ def test_text_is_legible(opened: Any, scheme: str) -> None:
 def _hex(colour: str) -> str:
     channels = [int(float(v)) for v in colour[colour.index("(") + 1 : -1].split(",")[:3]]
     return "#{:02x}{:02x}{:02x}".format(*channels)
+
+
+@pytest.fixture
+def pictures(browser: Any, silo_page: Path) -> Any:
+    """The browser with a page that has pictures."""
+    _size(browser, 1280, 900)
+    _scheme(browser, "light")
+    browser.get(silo_page.as_uri())
+    return browser
+
+
+def test_pictures_are_saved_as_one_drawing_with_their_legend(pictures: Any) -> None:
+    saved = pictures.execute_async_script(
+        """
+        const done = arguments[0], saved = {};
+        HTMLAnchorElement.prototype.click = function () {
+          saved[this.download.split(".").pop()] = this.href;
+          if (Object.keys(saved).length === 2) done(saved);
+        };
+        document.querySelectorAll("figure.album [data-save]").forEach((b) => b.click());
+        """
+    )
+    svg = unquote(saved["svg"].partition(",")[2])
+    assert svg.count("data:image/png") == 1 and "Speed [mm/s]" in svg and "t = 1 s" in svg and "var(" not in svg
+    assert base64.b64decode(saved["png"].partition(",")[2])[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.mark.parametrize("width", [375, 1280])
+def test_pictures_fit_and_their_text_is_large_enough(pictures: Any, width: int) -> None:
+    _size(pictures, width, 800)
+    content, window = pictures.execute_script(
+        "return [document.documentElement.scrollWidth, document.documentElement.clientWidth]"
+    )
+    assert content <= window
+    heights = pictures.execute_script(
+        "return [...document.querySelectorAll('.shots svg text, .legend svg text')].map(t => 13 * "
+        "t.ownerSVGElement.getBoundingClientRect().width / t.ownerSVGElement.viewBox.baseVal.width)"
+    )
+    assert heights and min(heights) >= 9
+
+
+def test_every_panel_with_an_axis_of_its_own_is_read_by_itself(pictures: Any) -> None:
+    figure = pictures.find_element("css selector", "#scene1-velocities")
+    figure.find_element("css selector", ".drawing").send_keys("\ue014")
+    shown = figure.find_element("css selector", ".readout").text
+    assert "Radial velocity [mm/s]" in shown and "Rotation" not in shown
+    assert len(figure.find_elements("css selector", ".wide .crosshair")) == 1

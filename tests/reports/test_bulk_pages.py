@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from reading import Page
 from synthetic import registered
-from synthetic_bulk import add_bulk_run, drum_record, drum_scene, silo_record, silo_scene
+from synthetic_bulk import add_bulk_run, drum_record, drum_scene
 
 from dembench.reports.pictures import crossings
 from dembench.reports.report import render
@@ -20,18 +20,6 @@ from dembench.runs.directory import find_runs
 from dembench.scene import Cylinder
 
 SOFT = "softened: E 1e7 Pa instead of 1e9 Pa, walls alike"
-
-
-@pytest.fixture(scope="module")
-def silo_page(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two engines on a silo, one of which ended early."""
-    out = tmp_path_factory.mktemp("silo")
-    with registered():
-        scene = silo_scene()
-        add_bulk_run(out / "runs", scene, "alpha", silo_record(scene, 400), "case1")
-        short = silo_record(scene, 500, until=0.4)
-        add_bulk_run(out / "runs", scene, "beta", short, "case1", state="timeout", reason="time limit")
-        return render(find_runs(out / "runs"), out / "silo.html")
 
 
 @pytest.fixture(scope="module")
