@@ -33,7 +33,8 @@ COLOURS = {
 }
 PLAIN_INTERVAL = 15.0
 """Time between two lines about a run that goes on, where there is no terminal [s]."""
-
+LIVE_INTERVAL = 1.0
+"""Time between two pictures of the live table [s]: drawing one takes some milliseconds of a core."""
 PLAIN_WIDTH = 160
 """Width of tables where there is no terminal [letters]."""
 
@@ -167,6 +168,7 @@ class Display:
         self._quiet = quiet
         self._live = Live(console=out, auto_refresh=False) if out.is_terminal and not quiet else None
         self._shown: dict[str, tuple[str | None, float]] = {}
+        self._next = 0.0
 
     def __enter__(self) -> Display:
         if self._live:
@@ -182,7 +184,9 @@ class Display:
         if self._quiet:
             return
         if self._live:
-            self._live.update(_jobs_table(jobs), refresh=True)
+            if time.monotonic() >= self._next or all(job.status is not None for job in jobs):
+                self._live.update(_jobs_table(jobs), refresh=True)
+                self._next = time.monotonic() + LIVE_INTERVAL
             return
         for job in jobs:
             self._plain(job)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dembench.results.elastic import NormalSprings
-from dembench.results.schema import Observed, SnapshotSeries, channels, snapshot_times
+from dembench.results.schema import PARTICLE_UNITS, Observed, SnapshotSeries, channels, snapshot_times
 from dembench.scene import (
     CentreOfMass,
     Count,
@@ -70,7 +70,7 @@ class Observer:
         self._times = scene.frame_times()
         self._radii, self._masses = scene.radii(), scene.masses()
         self._rows: dict[str, list[tuple[int, float, Any]]] = {name: [] for name in self._channels}
-        self._kept: dict[str, list[Any]] = {o.name: [] for o in scene.observables if isinstance(o, Snapshot)}
+        self._kept = {o.name: _Kept(scene, o) for o in scene.observables if isinstance(o, Snapshot)}
         self._seen = np.zeros(len(self._times), dtype=bool)
         self._next = 0
         self._tracks: Any | None = None
@@ -117,14 +117,8 @@ class Observer:
         return found
 
     def snapshots(self) -> dict[str, SnapshotSeries]:
-        """The snapshots so far, by name."""
-        found = {}
-        n = len(self.scene.bodies)
-        for name, kept in self._kept.items():
-            fields = [np.array([row[k] for row in kept], dtype=np.float64).reshape(-1, n, 3) for k in (2, 3, 4)]
-            steps = np.array([row[0] for row in kept], dtype=np.int64)
-            found[name] = SnapshotSeries(steps, np.array([row[1] for row in kept], dtype=np.float64), *fields)
-        return found
+        """The snapshots so far, by name; the arrays are views of what is recorded here."""
+        return {name: kept.series() for name, kept in self._kept.items()}
 
     # ---- one frame
 
@@ -155,8 +149,7 @@ class Observer:
     def _record(self, frame: Any, time: float) -> None:
         for o in self.scene.observables:
             if isinstance(o, Snapshot):
-                if np.any(np.isclose(snapshot_times(self.scene, o), time, rtol=1e-9, atol=0)):
-                    self._kept[o.name].append((frame.step, time, *self._whole(frame)))
+                self._kept[o.name].add(frame, time)
                 continue
             for name, value in self._values(o, frame).items():
                 if np.any(self._channels[name].time == time):
@@ -219,14 +212,6 @@ class Observer:
             found += list(mass[own] @ frame.position[own] / total) if total else [np.nan] * 3
         return found
 
-    def _whole(self, frame: Any) -> list[np.ndarray]:
-        fields = []
-        for field in (frame.position, frame.velocity, frame.angular_velocity):
-            array = np.full((len(self.scene.bodies), 3), np.nan)
-            array[frame.present] = field
-            fields.append(array)
-        return fields
-
     # ---- tracks
 
     def _fill_minimum(self, o: Trajectory) -> None:
@@ -237,10 +222,37 @@ class Observer:
             return
         height = tracks.position[:, self.scene.tracked_bodies().index(o.body), 2]
         height = height - self.scene.bodies.position[o.body, 2]
-        cadence = self.scene.track_times()[1]
-        for time in self._channels[name].time:
-            covered = (tracks.time > time - o.interval + 0.5 * cadence) & (tracks.time < time + 0.5 * cadence)
+        cadence, times = self.scene.track_times()[1], self._channels[name].time
+        first = np.searchsorted(tracks.time, times - o.interval + 0.5 * cadence, side="right")
+        end = np.searchsorted(tracks.time, times + 0.5 * cadence)
+        for time, covered in zip(times, map(slice, first, end), strict=True):
             expected = 1 if time == 0 else round(o.interval / cadence)
-            if np.count_nonzero(covered) < expected or not np.isfinite(height[covered]).all():
+            if len(height[covered]) < expected or not np.isfinite(height[covered]).all():
                 break
             self._rows[name].append((int(tracks.step[covered][-1]), time, height[covered].min()))
+
+
+class _Kept:
+    """The snapshots of one observable so far: arrays of their final size, whose pages are taken as they are filled."""
+
+    def __init__(self, scene: Scene, snapshot: Snapshot) -> None:
+        self._times, n = snapshot_times(scene, snapshot), len(scene.bodies)
+        self._rows = 0
+        self._step = np.zeros(len(self._times), dtype=np.int64)
+        self._fields = {name: np.empty((len(self._times), n, 3)) for name in PARTICLE_UNITS}
+
+    def add(self, frame: Any, time: float) -> None:
+        """Takes a frame where its time [s] is one of those asked for."""
+        k = self._rows
+        if k == len(self._times) or not np.isclose(self._times[k:], time, rtol=1e-9, atol=0).any():
+            return
+        self._times[k], self._step[k] = time, frame.step
+        for name, array in self._fields.items():
+            array[k] = np.nan
+            array[k, frame.present] = getattr(frame, name)
+        self._rows += 1
+
+    def series(self) -> SnapshotSeries:
+        """The snapshots so far."""
+        k = self._rows
+        return SnapshotSeries(self._step[:k], self._times[:k], **{name: a[:k] for name, a in self._fields.items()})

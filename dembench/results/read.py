@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ class Result:
         status: State of the run, with its reason.
         provenance: Versions, command and times that say where the file comes from.
         observables: Time series by name.
-        snapshots: All bodies at some times, by name.
+        snapshots: All bodies at some times, by name; those of a file are loaded when they are first asked for.
     """
 
     scene: Scene
@@ -49,7 +50,7 @@ class Result:
     status: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
     observables: dict[str, Observed] = field(default_factory=dict)
-    snapshots: dict[str, SnapshotSeries] = field(default_factory=dict)
+    snapshots: Mapping[str, SnapshotSeries] = field(default_factory=dict)
 
     def frame(self, name: str) -> pd.DataFrame:
         """One observable as a table: columns `step`, `time` and its components, or its name where it has none.
@@ -75,7 +76,7 @@ def read(path: Path) -> Result:
     """
     try:
         with h5py.File(path, "r") as file:
-            return _read(file)
+            return _read(file, path)
     except (OSError, KeyError, ValueError) as error:
         raise ResultError(f"{path}: no readable result: {error}") from None
 
@@ -101,7 +102,7 @@ def read_scene(file: h5py.File) -> Scene:
     return scene_from(data, "/dembench/scene")
 
 
-def _read(file: h5py.File) -> Result:
+def _read(file: h5py.File, path: Path) -> Result:
     group = file["dembench"]
     version = tuple(int(v) for v in group.attrs["version"])
     if version[0] != VERSION[0]:
@@ -111,7 +112,7 @@ def _read(file: h5py.File) -> Result:
         engine=str(group.attrs["engine"]),
         division=str(group.attrs["division"]),
         observables={name: _observed(file["observables"][name]) for name in file["observables"]},
-        snapshots={name: _snapshots(file["particles"][name]) for name in file["particles"]},
+        snapshots=_Snapshots(path, list(file["particles"])),
         **_records(group),
     )
 
@@ -130,6 +131,35 @@ def _observed(group: h5py.Group) -> Observed:
         components=tuple(str(c) for c in value.attrs["components"]),
         title=str(group.attrs["title"]),
     )
+
+
+class _Snapshots(Mapping[str, SnapshotSeries]):
+    """The snapshots in a file, by name, each loaded once when it is first asked for: they are by far the largest part.
+
+    Args:
+        path: The file; one that is replaced meanwhile by a later state of the same run may give more times.
+        names: Names of the snapshots in it.
+    """
+
+    def __init__(self, path: Path, names: list[str]) -> None:
+        self._path = path
+        self._loaded: dict[str, SnapshotSeries | None] = dict.fromkeys(names)
+
+    def __getitem__(self, name: str) -> SnapshotSeries:
+        found = self._loaded[name]
+        if found is None:
+            try:
+                with h5py.File(self._path, "r") as file:
+                    found = self._loaded[name] = _snapshots(file["particles"][name])
+            except (OSError, KeyError) as error:
+                raise ResultError(f"{self._path}: no readable snapshots '{name}': {error}") from None
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._loaded)
+
+    def __len__(self) -> int:
+        return len(self._loaded)
 
 
 def _snapshots(group: h5py.Group) -> SnapshotSeries:

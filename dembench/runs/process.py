@@ -20,6 +20,8 @@ from dembench.engines.base import Phase
 
 LAUNCHER = Path(__file__).with_name("launch.py")
 SAMPLE_INTERVAL = 0.5
+SAMPLE_SHARE = 0.005
+"""Largest share of the time that goes into sampling: on a machine with thousands of processes it takes a while [-]."""
 LONGEST_POLL = 0.1
 END_GRACE = 5.0
 """Time that the guard has for ending the engine before everything is killed [s]."""
@@ -155,9 +157,14 @@ class _Tree:
 
     def sample(self) -> None:
         """Updates the usage; does nothing where the last sample is fresh."""
-        if time.monotonic() < self._next:
+        begin = time.monotonic()
+        if begin < self._next:
             return
-        self._next = time.monotonic() + SAMPLE_INTERVAL
+        self._sample()
+        now = time.monotonic()
+        self._next = now + max(SAMPLE_INTERVAL, (now - begin) / SAMPLE_SHARE)
+
+    def _sample(self) -> None:
         try:
             processes = self._guard.children(recursive=True)
         except psutil.Error:

@@ -204,3 +204,15 @@ def test_validate_takes_any_file(tmp_path):
     assert len(validate(path)) == 4
     with pytest.raises(ResultError, match=r"x\.h5"):
         read(path)
+
+
+def test_snapshots_are_loaded_when_they_are_asked_for(written):
+    """A file whose snapshots are damaged still tells everything else."""
+    with h5py.File(written, "a") as file:
+        del file["particles/ends/velocity"]
+    result = read(written)
+    assert len(result.observables["energy"].time) > 0 and list(result.snapshots) == ["ends"]
+    with pytest.raises(ResultError, match="no readable snapshots 'ends'"):
+        _ = result.snapshots["ends"]
+    with pytest.raises(KeyError):
+        _ = result.snapshots["middle"]

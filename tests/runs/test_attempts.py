@@ -15,12 +15,18 @@ import numpy as np
 import psutil
 import pytest
 from conftest import wait_for
+from hopper import hopper
 from supervising import gone, only_record, pids, planned_runs, supervise
 
 from dembench.results import read, validate
-from dembench.runs.directory import Occupied
+from dembench.runs.directory import Occupied, find_runs
 from dembench.scene import save_scene
 
+OBSERVED = (
+    {"kind": "count", "name": "inside", "region": {"lower": (None, None, 0.0)}, "interval": 2e-3},
+    {"kind": "wall-force", "name": "cone_force", "wall": "cone", "interval": 2e-3},
+    {"kind": "snapshot", "name": "flow", "times": (0.1,)},
+)
 STANDIN = Path(__file__).parents[1] / "standin.py"
 ROOT = Path(__file__).parents[2]
 
@@ -175,26 +181,16 @@ def test_an_engine_that_is_asked_to_end_is_interrupted(standin, planned):
 
 
 @pytest.fixture
-def command(small_scene, tmp_path):
-    """Starts `dembench run` on the small scene as a process, with what the stand-in does."""
-    save_scene(small_scene(), tmp_path / "small.json")
+def command(tmp_path):
+    """Starts `dembench run` on a scene as a process, with what the stand-in does."""
     started = []
 
-    def start(modes):
+    def start(scene, *options, modes=None):
+        save_scene(scene, tmp_path / "small.json")
         child = subprocess.Popen(
-            [
-                sys.executable,
-                STANDIN,
-                "run",
-                "small.json",
-                "--no-report",
-                "--engines",
-                "standin",
-                "--checkpoint",
-                "0.2",
-            ],
+            [sys.executable, STANDIN, "run", "small.json", "--no-report", "--checkpoint", "0.2", *options],
             cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "STANDIN": json.dumps(modes)},
+            env={**os.environ, "PYTHONPATH": str(ROOT), "STANDIN": json.dumps(modes or {})},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -208,10 +204,10 @@ def command(small_scene, tmp_path):
         child.communicate()
 
 
-def test_a_killed_command_is_gone_on_with_once_its_engine_has_ended(standin, planned, command):
+def test_a_killed_command_is_gone_on_with_once_its_engine_has_ended(standin, planned, command, small_scene):
     """Killed outright, in the middle of everything: the next one waits for the engine, which ignores SIGTERM."""
     (run,) = planned("standin")
-    killed = command({"standin": ["ignore", 5]})
+    killed = command(small_scene(), "--engines", "standin", modes={"standin": ["ignore", 5]})
     wait_for(lambda: len(pids(run)) == 2 and run.directory.result.exists())
     (run.directory.path / ".result.h5.1.tmp").write_bytes(b"half a result")
     (run.directory.path / ".status.json.tmp").write_text('{"state": "o')
@@ -242,3 +238,28 @@ def test_one_supervisor_at_a_time_goes_on(interrupted, standin, planned):
         stop.set()
         thread.join(30)
     assert planned("standin")[0].action() == "resume"
+
+
+def test_an_interrupted_command_leaves_a_run_that_goes_on_to_the_same_bits(command, tmp_path):
+    """The whole way with a solver: grains leave a hopper, the command is interrupted once two frames are there."""
+    scene = hopper(duration=0.1, observables=OBSERVED)
+    straight = command(scene, "--engines", "peclet-hertz", "--out", "straight")
+    assert straight.communicate(timeout=120)[0] and straight.returncode == 0
+
+    first = command(scene, "--engines", "peclet-hertz", "--out", "broken")
+    wait_for(lambda: len(list(tmp_path.glob("broken/*/deck/frames/*.npy"))) > 4)
+    first.send_signal(signal.SIGINT)
+    output, _ = first.communicate(timeout=60)
+    assert first.returncode == 1 and "interrupted" in output, output
+    assert find_runs(tmp_path / "broken")[0].status.state == "interrupted"
+
+    second = command(scene, "--engines", "peclet-hertz", "--out", "broken", "--json")
+    output, _ = second.communicate(timeout=120)
+    (job,) = json.loads(output)["runs"]
+    assert (job["action"], job["state"]) == ("resume", "ok")
+    ours, whole = (find_runs(tmp_path / out)[0].result for out in ("broken", "straight"))
+    assert len(ours.status["resumed"]) == 1 and whole.status["resumed"] == []
+    for name, series in whole.observables.items():
+        assert series.value.tobytes() == ours.observables[name].value.tobytes(), name
+    assert whole.snapshots["flow"].position.tobytes() == ours.snapshots["flow"].position.tobytes()
+    assert ours.counters == whole.counters
