@@ -121,6 +121,11 @@ class Sensitivity(Model):
     must_vary: tuple[str, ...] = ()
     least_change: Positive = 0.02
 
+    @property
+    def words(self) -> str:
+        """The parameter as a person writes it."""
+        return self.parameter.replace("_", " ")
+
 
 class Page(Model):
     """What the page of a recipe shows.

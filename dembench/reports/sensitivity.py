@@ -25,7 +25,7 @@ class Finding:
         problem: Name of the problem on the page.
         variant: The engine as typed.
         quantity, title, unit: The quantity; its name stands for the title where no run has it.
-        parameter: The parameter.
+        parameter, words: The parameter, and how a person writes it.
         response: What was found; None where fewer than two values of the parameter are known.
     """
 
@@ -35,6 +35,7 @@ class Finding:
     title: str
     unit: str
     parameter: str
+    words: str
     response: Response | None
 
     @property
@@ -46,16 +47,16 @@ class Finding:
         """What was found, in words."""
         what = f"{self.variant}: {self.title[:1].lower()}{self.title[1:]}"
         if self.response is None:
-            return f"{what} is not known for two values of {self.parameter}, so nothing can be said."
+            return f"{what} is not known for two values of {self.words}, so nothing can be said."
         change = measure(self.response.change, self.unit, 3)
         if not self.response.flat:
-            return f"{what} varies with {self.parameter}, by {change}."
+            return f"{what} varies with {self.words}, by {change}."
         beside = (
             f"the seeds alone make {measure(self.response.scatter, self.unit, 3)}"
             if self.response.scatter >= self.response.least
             else f"at least {measure(self.response.least, self.unit, 3)} is asked for"
         )
-        return f"{what} stays FLAT where it must vary with {self.parameter}: it changes by {change}, {beside}."
+        return f"{what} stays FLAT where it must vary with {self.words}: it changes by {change}, {beside}."
 
     def plain(self) -> dict[str, Any]:
         """As plain data."""
@@ -79,7 +80,7 @@ def findings(study: Sensitivity, problems: Sequence[Problem]) -> list[Finding]:
             known = problem.known(name)
             title, unit = (known.title, known.unit) if known else (name, "")
             answer = response([v.values(name) for v in own], study.least_change)
-            found.append(Finding(problem.name, own[0].choice, name, title, unit, study.parameter, answer))
+            found.append(Finding(problem.name, own[0].choice, name, title, unit, study.parameter, study.words, answer))
     return found
 
 
@@ -89,17 +90,17 @@ def table(study: Sensitivity, problem: Problem, found: Sequence[Finding]) -> Tab
         Column("Quantity", kind="wrap"),
         Column("Engine", kind="long"),
         Column("Verdict"),
-        Column("Change", "", "number", f"range of the means over {study.parameter}"),
+        Column("Change", "", "number", f"range of the means over {study.words}"),
         Column("Seeds alone", "", "number", "range that equal means would show by the scatter of the seeds"),
         Column("Least", "", "number", "smallest change that counts"),
     )
     rows = tuple(_row(finding) for finding in found if finding.problem == problem.name)
     note = (
-        f"These quantities are known to depend on {study.parameter}. Flat: the range of the means is not beyond that "
+        f"These quantities are known to depend on {study.words}. Flat: the range of the means is not beyond that "
         f"which the scatter of the seeds makes of equal means in {CONFIDENCE:.0%} of cases (Tukey), or below "
         f"{study.least_change:.2g} of the largest magnitude."
     )
-    title = f"Does it depend on {study.parameter.replace('_', ' ')}?"
+    title = f"Does it depend on {study.words}?"
     return Table(f"{problem.name}-sensitivity", title, columns, rows, note, tag=problem.tag)
 
 
@@ -122,9 +123,9 @@ def plot(study: Sensitivity, problem: Problem, names: Sequence[str], command: st
         return None
     return Plot(
         name=f"{problem.name}-sensitivity-curves",
-        title=f"What depends on {study.parameter}",
+        title=f"What depends on {study.words}",
         caption="Means over the seeds; bars: their range.",
-        x_label=study.parameter.replace("_", " ").capitalize(),
+        x_label=study.words.capitalize(),
         panels=tuple(panels),
         command=command,
         x_names=tuple(map(str, values)) if words else (),

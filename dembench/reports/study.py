@@ -17,6 +17,7 @@ from dembench.reports.figures import Drawing, draw
 from dembench.reports.pages import write_page
 from dembench.reports.pictures import Album, albums
 from dembench.reports.published import published_times
+from dembench.reports.ratios import ratios
 from dembench.reports.sensitivity import Finding
 from dembench.reports.study_figures import figures
 from dembench.reports.tables import Cell, Column, Table, numbers, significant
@@ -72,6 +73,7 @@ def render(
         summary=_summary(problems),
         text=recipe.text,
         warnings=[finding.sentence() for finding in findings if not finding.varies],
+        ratios=ratios(groups),
         scenes=sections,
         engine_tables=[table for table in tables if table is not None and table.rows],
         environments=facts.environments(groups),
@@ -124,7 +126,7 @@ def _table(recipe: Recipe, problem: Problem, names: Sequence[str]) -> Table:
     columns = [Column("Variant", kind="long")]
     cells: list[list[Cell]] = [[_name_cell(v) for v in variants] + [Cell("references")]]
     if recipe.sensitivity is not None:
-        columns.append(Column(recipe.sensitivity.parameter.replace("_", " ").capitalize(), kind="number"))
+        columns.append(Column(recipe.sensitivity.words.capitalize(), kind="number"))
         cells.append([Cell(str(v.value), v.value) for v in variants] + [Cell()])
     columns += [Column("State"), Column("Seeds", kind="number")]
     cells.append([state_cell(v.state) for v in variants] + [Cell()])

@@ -53,7 +53,7 @@ def _curves(problem: Problem, name: str, start: float, command: str) -> Plot | N
             for style, v in enumerate(v for v in own if _series(v, name, start))
         ]
         label = labelled(shown[0].title.partition(" of ")[0].removeprefix("Vertical ").capitalize(), unit)
-        panels.append(Panel(label, tuple(lines), band, title=own[0].title))
+        panels.append(Panel(label, tuple(lines), band, log_y=False, title=own[0].title))
     return Plot(
         name=f"{problem.name}-{name}-curves".replace("_", "-").replace(".", "-"),
         title=shown[0].title,
