@@ -23,7 +23,7 @@ def import_results(
     seed: Annotated[int, typer.Option(min=0, help="seed of the initial state")] = 0,
     division: DivisionName = None,
     law: Annotated[str, typer.Option(help="contact law that was computed")] = UNKNOWN_LAW,
-    wall: Annotated[float | None, typer.Option(min=0, help="wall time of the program [s], shown apart")] = None,
+    wall: Annotated[float | None, typer.Option(min=0, help="wall time of the program in s, shown apart")] = None,
     out: Out = Path("runs"),
     json_: Json = False,
 ) -> None:

@@ -49,8 +49,8 @@ class Server:
     """Answers from a table: path to bytes, to a status, or to bytes of which only the first half is sent."""
 
     def __init__(self):
-        self.answers, self.asked = {}, []
-        answers, asked = self.answers, self.asked
+        self.answers, self.asked, self.ranges = {}, [], []
+        answers, asked, ranges = self.answers, self.asked, self.ranges
 
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self):
@@ -60,7 +60,13 @@ class Server:
                     self.send_error(answer)
                     return
                 data, sent = answer if isinstance(answer, tuple) else (answer, len(answer))
-                self.send_response(200)
+                start = int(self.headers.get("Range", "bytes=0-").removeprefix("bytes=").removesuffix("-"))
+                ranges.append(start)
+                if start >= len(data):
+                    self.send_error(416)
+                    return
+                data = data[start:]
+                self.send_response(206 if start else 200)
                 self.send_header("Content-Length", str(len(data)))
                 self.end_headers()
                 self.wfile.write(data[:sent])
@@ -91,7 +97,8 @@ def serve(server, archive, checksum=None):
 
 
 def is_clean(cache):
-    return not cache.exists() or not any(path.is_file() for path in cache.rglob("*"))
+    """Whether the cache has no file but the beginning of one that was cut off."""
+    return not any(path.is_file() and path.suffix != ".part" for path in cache.rglob("*"))
 
 
 def test_a_good_download(cache, server, archive):
@@ -177,6 +184,38 @@ def test_a_failed_download_is_completed_by_the_next(cache, server, archive, tmp_
     assert fetch("dosta2024", url=server.url).names == ("silo large M1", "impact 25k", "drum walls")
     assert server.asked.count(f"/{archive.name}") == 1
     assert sorted(path.name for path in cache.iterdir()) == ["dosta2024"]
+
+
+@pytest.mark.parametrize("kept", [100, 10**6], ids=["beginning", "longer than the file"])
+def test_a_download_that_was_cut_off_goes_on_where_it_ended(cache, server, archive, kept, monkeypatch):
+    """The rest is asked for; a beginning that is longer than the file is thrown away by the attempt that finds it."""
+    monkeypatch.setattr("dembench.initial.download.CHUNK", 20)
+    serve(server, archive)
+    name = f"/{archive.name}"
+    whole, server.answers[name] = server.answers[name], (server.answers[name], 100)
+    with pytest.raises(DownloadError, match="the connection ended before the file did"):
+        fetch("dosta2024", url=server.url)
+    (part,) = cache.rglob("*.part")
+    assert part.read_bytes() == whole[:100]
+    part.write_bytes((whole + bytes(10**6))[:kept])
+    server.answers[name] = whole
+    if kept > len(whole):
+        with pytest.raises(DownloadError, match="416"):
+            fetch("dosta2024", url=server.url)
+    assert fetch("dosta2024", url=server.url).names == ("silo large M1", "impact 25k")
+    assert server.ranges[-1] == (100 if kept == 100 else 0)
+    assert sorted(path.name for path in cache.iterdir()) == ["dosta2024"]
+
+
+def test_a_beginning_of_another_file_is_not_taken_for_its_own(cache, server, archive):
+    """The checksum of the whole tells, and the next attempt begins anew."""
+    serve(server, archive)
+    folder = cache / ".dosta2024.download"
+    folder.mkdir(parents=True)
+    (folder / f".{archive.name}.part").write_bytes(bytes(50))
+    with pytest.raises(DownloadError, match="does not match"):
+        fetch("dosta2024", url=server.url)
+    assert fetch("dosta2024", url=server.url).names == ("silo large M1", "impact 25k")
 
 
 def test_a_local_copy(cache, archive, tmp_path):
