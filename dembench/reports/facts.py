@@ -171,12 +171,13 @@ def problem_name(entry: Entry) -> str:
 
 
 def engines(groups: Sequence[Group]) -> Table:
-    """One row per engine and version: what it is and what was found of it."""
+    """One row per engine and version that ran: what it is and what was found of it."""
     found: dict[tuple[str, str], tuple[Member, Entry]] = {}
     for group in groups:
         for member in group.members:
             for entry in member.entries:
-                found.setdefault((entry.spec.engine, entry.spec.engine_version), (member, entry))
+                if not entry.spec.imported:
+                    found.setdefault((entry.spec.engine, entry.spec.engine_version), (member, entry))
     columns = (
         Column("Engine", kind="long"),
         Column("What it is", kind="wrap"),

@@ -20,23 +20,21 @@ def imported_runs(groups: Sequence[Group]) -> Table | None:
     origins = [e.record.result.provenance.get("imported", {}) if e.record.result else {} for _, e in found]
     columns = (
         Column("Program", kind="long"),
-        Column("Run directory", kind="wrap"),
         Column("File", kind="wrap"),
-        Column("Format"),
-        Column("SHA-256", kind="wrap"),
-        Column("Wall time elsewhere", "s", "number", "as given, on another machine"),
         Column("What was done", kind="wrap"),
+        Column("Wall time elsewhere", "s", "number", "as given, on another machine"),
+        Column("SHA-256", kind="wrap", note="its first 16 digits"),
+        Column("Run directory", kind="wrap"),
     )
     walls = numbers([o.get("wall") for o in origins])
     rows = tuple(
         (
             run_cell(m),
-            Cell(e.name),
             Cell(e.spec.imported),
-            Cell(o.get("format", "")),
-            Cell(o.get("sha256", "")[:16]),
-            walls[k],
             Cell("; ".join(o.get("notes", ())) or "taken as it is"),
+            walls[k],
+            Cell(o.get("sha256", "")[:16]),
+            Cell(e.name),
         )
         for k, ((m, e), o) in enumerate(zip(found, origins, strict=True))
     )
