@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
+from dembench.cases.published_results import PublishedResult
 from dembench.cases.run_times import RunTime, published_run_times
 from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.filling import Filling
@@ -220,4 +221,8 @@ class Case(ABC):
 
     def pictures(self, scene: Scene) -> list[Picture]:
         """Pictures of the particles that a page shows of a scene of this case."""
+        return []
+
+    def published_results(self, parameters: Any, preset: Preset) -> list[PublishedResult]:
+        """Results of single codes that were published for this variant, for a table beside the quantities."""
         return []

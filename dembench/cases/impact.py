@@ -12,6 +12,7 @@ from dembench.cases import impact_scores, impact_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.initial_states import bed, given_coordinates, given_file
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published
+from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import Picture
 from dembench.initial.filling import LOOSE, Filling, Layer, Protocol
 from dembench.initial.progress import Progress
@@ -117,6 +118,10 @@ class Impact(Case):
     def pictures(self, scene: Scene) -> list[Picture]:
         """See `Case.pictures`."""
         return impact_views.pictures(scene)
+
+    def published_results(self, parameters: ImpactParameters, preset: Preset) -> list[PublishedResult]:
+        """See `Case.published_results`; none where the contacts are not the published ones."""
+        return [] if preset == "quick" or parameters.changed() else impact_views.published_results(parameters.bed)
 
 
 def _box() -> Box:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dembench.cases.publication import published
+from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import Picture
 from dembench.scene import Box, Scene, Snapshot
 
@@ -30,5 +32,18 @@ def pictures(scene: Scene) -> list[Picture]:
             z=(box.lower[2] - WALL, top + SPRAY),
             cut=0.0,
             colour="speed",
+            always=(ball,),
         )
+    ]
+
+
+def published_results(bed: str) -> list[PublishedResult]:
+    """Deepest points of eight codes over ten initial conditions; known of the smallest bed alone."""
+    if bed != "25k":
+        return []
+    source = f"mean over ten initial conditions (nine for LIGGGHTS); doi {published('common')['doi']}"
+    title = "Deepest point of the ball, 1 ms samples"
+    return [
+        PublishedResult(entry["code"], title, entry["mean"], entry["deviation"], "m", source)
+        for entry in published("impact")["deepest_25k"]
     ]

@@ -11,6 +11,7 @@ from dembench.cases import silo_scores, silo_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Ratio, Recorded, Reference
 from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
+from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.filling import SOFT, TALL, Filling, Layer
 from dembench.initial.progress import Progress
@@ -169,6 +170,14 @@ class Silo(Case):
     def pictures(self, scene: Scene) -> list[Picture]:
         """See `Case.pictures`."""
         return silo_views.pictures(scene)
+
+    def published_results(self, parameters: SiloParameters, preset: Preset) -> list[PublishedResult]:
+        """See `Case.published_results`; none where the contacts are not the published ones."""
+        return (
+            []
+            if preset == "quick" or parameters.changed()
+            else silo_views.published_results(parameters.orifice, parameters.material)
+        )
 
 
 def filling(parameters: SiloParameters, preset: Preset) -> Filling:

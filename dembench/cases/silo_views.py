@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from dembench.cases import silo_scores
+from dembench.cases.publication import published
+from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import CaseFigure, Picture, Trace, View
 from dembench.scene import Count, Scene, Snapshot, WallForce
 
@@ -98,6 +100,19 @@ def pictures(scene: Scene) -> list[Picture]:
             colour="speed",
         )
     ]
+
+
+def published_results(orifice: str, material: str) -> list[PublishedResult]:
+    """Discharge rates of single codes, and when they left 2 000 grains."""
+    found = []
+    for entry in published("silo")["rates"]:
+        if (entry["orifice"], entry["material"]) == (orifice, material):
+            made = (entry["code"], "Discharge rate, 0.5 to 3.5 s", entry["rate"], None, "1/s", entry["source"])
+            found.append(PublishedResult(*made))
+            if "time_2000" in entry:
+                title = "Time until 2 000 grains are left"
+                found.append(PublishedResult(entry["code"], title, entry["time_2000"], None, "s", entry["source"]))
+    return found
 
 
 def _time(scene: Scene) -> float:

@@ -92,6 +92,7 @@ class Picture:
         cut: Particles whose centres lie at y >= cut are drawn, and walls where they cross that plane [m].
         colour: What colours the particles.
         fastest: Speed at the end of the colour scale [m/s]; None takes it from the particles.
+        always: Bodies that are drawn wherever they are, by their index in the initial state.
     """
 
     name: str
@@ -104,3 +105,4 @@ class Picture:
     cut: float
     colour: Literal["speed", "species"]
     fastest: float | None = None
+    always: tuple[int, ...] = ()

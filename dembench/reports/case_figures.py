@@ -32,7 +32,7 @@ def _plot(group: Group, figure: CaseFigure, command: str) -> Plot | None:
         if not lines:
             continue
         curves = [c for c in group.first.curves if view.known and _name(c) == view.known]
-        sources += [f"{c.label}: {c.source}." for c in curves]
+        sources += [f"{c.label[:1].upper()}{c.label[1:]}: {c.source}." for c in curves]
         bands |= any(line.low is not None for line in lines)
         panels.append(
             Panel(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import statistics
 from collections.abc import Iterable, Sequence
@@ -14,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from dembench.cases.base import Case, CaseError, Curve
+from dembench.cases.published_results import PublishedResult
 from dembench.cases.registry import parse_case
 from dembench.cases.run_times import RunTime
 from dembench.cases.views import CaseFigure, Picture
-from dembench.engines.registry import UnknownEngine, engine
+from dembench.reports.looks import look
 from dembench.results import Observed
 from dembench.runs.directory import RunRecord
 from dembench.scene import Scene
@@ -25,28 +25,6 @@ from dembench.scoring.score import Score, score, verdict
 
 RANKED = ("ok", "unscored")
 """States whose timings are compared: accuracy comes before speed."""
-
-
-@dataclass(frozen=True)
-class Look:
-    """How an engine is drawn: its fixed colour, and whether its lines are dashed."""
-
-    title: str
-    colour: str
-    dashed: bool
-
-
-FOREIGN = ("#a06a00", "#00808a", "#8e3b8e", "#7a5230", "#c2185b", "#5c6f1f")
-"""Colours of engines that are not known here, chosen by their names: results of other codes have such."""
-
-
-def look(name: str) -> Look:
-    """The look that an engine declares; that of an engine which is not known here is dashed, its colour by its name."""
-    try:
-        found = engine(name)
-    except (UnknownEngine, ImportError):
-        return Look(name, FOREIGN[hashlib.sha256(name.encode()).digest()[0] % len(FOREIGN)], True)
-    return Look(found.title, found.colour, found.dashed)
 
 
 class Entry:
@@ -118,6 +96,14 @@ class Entry:
     def quantity(self, name: str) -> float | None:
         """A quantity of the case; None where the record does not cover it."""
         return next((s.quantity.value for s in self.scores if s.quantity.name == name), None)
+
+    @property
+    def published_results(self) -> list[PublishedResult]:
+        """Published results of single codes for the case; empty without one."""
+        if self.problem is None:
+            return []
+        case, parameters = self.problem
+        return case.published_results(parameters, self.spec.preset)  # type: ignore[arg-type]
 
     @property
     def run_times(self) -> list[RunTime]:

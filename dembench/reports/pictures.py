@@ -188,7 +188,9 @@ def _shot(name: str, member: Member, picture: Picture, k: int, width: float, fas
 
 def _image(scene: Scene, picture: Picture, shots: SnapshotSeries, k: int, width: float, fastest: float) -> bytes:
     position, velocity = shots.position[k], shots.velocity[k]
-    drawn = position[:, 1] >= picture.cut  # a particle that has left is NaN and not drawn
+    drawn = position[:, 1] >= picture.cut
+    drawn[list(picture.always)] = True
+    drawn &= np.isfinite(position[:, 1])  # what has left is NaN
     if picture.colour == "speed":
         speed = np.linalg.norm(velocity[drawn], axis=1)
         colours = speed_colours(speed / fastest)

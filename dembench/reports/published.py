@@ -1,16 +1,46 @@
-"""Run times that others published: a table of its own, since other hardware makes other times."""
+"""What others published: results of single codes; and run times, in a table of their own, for other hardware."""
 
 from __future__ import annotations
 
 from dembench.cases.run_times import RunTime
 from dembench.reports.entries import Group
-from dembench.reports.tables import Cell, Column, Table, decimals, grouped
+from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers
+from dembench.reports.units import shown_in
 
 MARKS = {
     "a": "a: approximate, as quoted.",
     "c": "c: contended, the device was shared with other jobs, so the time is overstated.",
     "x": "x: extrapolated from a part of the run.",
 }
+
+
+def published_results(group: Group) -> Table | None:
+    """One row per published result of a single code; None where there is none."""
+    found = group.first.published_results
+    if not found:
+        return None
+    sources = list(dict.fromkeys(r.source for r in found))
+    rows = []
+    for quantity in dict.fromkeys(r.quantity for r in found):
+        own = [r for r in found if r.quantity == quantity]
+        factor, unit = shown_in(own[0].unit, [r.value for r in own])
+        values = numbers([factor * r.value for r in own], digits=5, most=2)
+        deviations = numbers([None if r.deviation is None else factor * r.deviation for r in own], digits=2)
+        for k, r in enumerate(own):
+            source = Cell(f"[{sources.index(r.source) + 1}]")
+            rows.append((Cell(r.code), Cell(quantity), Cell(unit), values[k], deviations[k], source))
+    columns = (
+        Column("Code", kind="long"),
+        Column("Quantity", kind="wrap"),
+        Column("Unit"),
+        Column("Value", kind="number"),
+        Column("Standard deviation", kind="number", note="over initial conditions"),
+        Column("Source"),
+    )
+    footnotes = tuple(f"[{k + 1}] {source}" for k, source in enumerate(sources))
+    return Table(
+        f"{group.name}-published", "Published results of other codes", columns, tuple(rows), footnotes=footnotes
+    )
 
 
 def published_times(group: Group) -> Table | None:

@@ -17,7 +17,7 @@ from dembench.reports.figures import Drawing, draw
 from dembench.reports.imported import imported_runs
 from dembench.reports.pages import write_page
 from dembench.reports.pictures import Album, albums
-from dembench.reports.published import published_times
+from dembench.reports.published import published_results, published_times
 from dembench.reports.ratios import ratios
 from dembench.reports.tables import Table
 from dembench.reports.timings import timings
@@ -97,6 +97,7 @@ def _section(group: Group, beside: Path) -> SceneSection:
         comparisons.quantities(group),
         ensembles(group),
         single_runs(group),
+        published_results(group),
         comparisons.differences(group),
         timings(group),
         published_times(group),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dembench.reports.entries import look
+from dembench.reports.looks import look
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.svg import MUTED
 from dembench.results.schema import SnapshotSeries

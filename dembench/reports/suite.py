@@ -8,8 +8,9 @@ from pathlib import Path
 
 from dembench.reports import facts, sanity_figures
 from dembench.reports.cells import state_cell
-from dembench.reports.entries import gather, look
+from dembench.reports.entries import gather
 from dembench.reports.figures import draw
+from dembench.reports.looks import look
 from dembench.reports.pages import write_page
 from dembench.reports.plot import Plot
 from dembench.reports.svg import variable

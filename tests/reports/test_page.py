@@ -231,3 +231,11 @@ def test_a_resumed_run_says_from_where(stand_ins: None, tmp_path: Path) -> None:
     assert [c.text.split() for c in read.column("scene1-timings", "Loop time")] == [["1.00", "r"], ["–"]]
     text = "".join(read.text)
     assert "at 10 ms on 2026-11-01 13:00, after 12 ms had been reached" in text and "begun anew" in text
+
+
+def test_published_results_of_single_codes_have_their_deviation(read: Page) -> None:
+    codes = [c.text.strip() for c in read.column("scene1-published", "Code")]
+    assert len(codes) == 8 and "MercuryDPM" in codes
+    at = codes.index("Yade")
+    assert float(read.column("scene1-published", "Value")[at].value or 0) == -138.5
+    assert float(read.column("scene1-published", "Standard deviation")[at].value or 0) == pytest.approx(0.22)
