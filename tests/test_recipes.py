@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from dembench.cases.registry import parse_case
 from dembench.cli import app
 from dembench.engines import registry
 from dembench.initial.fetch import FetchError
+from dembench.results import channels
 from dembench.runs.directory import find_runs
 from dembench.runs.plan import RequestError, parse_engines
 from dembench.scene import Overlap, save_scene
@@ -149,9 +151,19 @@ def test_a_word_is_a_case_a_scene_or_a_recipe() -> None:
         recipes.asked_for(["impulse-study", "case3"])
 
 
+@cache
+def _what_can_be_shown(name: str) -> tuple[set[str], set[str], set[str]]:
+    """Names of the recorded series, figures and pictures of a case, as its quick preset has them."""
+    case, parameters = parse_case(name)
+    scene = case.scene(parameters, "quick")
+    recorded = set(channels(scene))
+    figures = {figure.name for figure in case.figures(scene)}
+    return recorded, figures, {picture.name for picture in case.pictures(scene)}
+
+
 @pytest.mark.parametrize("name", recipes.names())
 def test_the_recipes_of_the_package_ask_for_what_there_is(name: str, small_scene, monkeypatch) -> None:
-    """Cases, presets, engines, settings and quantities exist; the published data need not be here."""
+    """Cases, engines, settings, quantities, figures and pictures exist; the published data need not be here."""
     monkeypatch.setattr(recipes, "initial_state", lambda given: given)
     recipe = recipes.load(recipes.asked_for([name]) or Path())
     for block, request in recipe.requests(Path("runs")):
@@ -162,6 +174,11 @@ def test_the_recipes_of_the_package_ask_for_what_there_is(name: str, small_scene
             case.check(parameters, request.preset or "quick", request.initial)
             known = set(QUANTITIES[case.name])
             assert recipe.page is None or {*recipe.page.quantities, *recipe.page.costs} <= known
+            if (page := recipe.page) is not None:
+                recorded, figures, pictures = _what_can_be_shown(case.name)
+                assert set(page.pictures) <= pictures
+                assert set(page.figures) <= recorded | figures | {"seeds"}
+                assert {curve.partition(".")[0] for curve in page.curves} <= recorded
             assert recipe.sensitivity is None or set(recipe.sensitivity.must_vary) <= known
 
 

@@ -16,6 +16,7 @@ from dembench.reports.variants import problems
 from dembench.runs.directory import find_runs
 
 PAGE = Shown(
+    figures=("ball_displacement",),
     curves=("ball_displacement",),
     start=0.02,
     quantities=("deepest", "deepest_time", "speed_35ms", "energy_rise"),
@@ -103,6 +104,14 @@ def test_curves_stand_in_one_panel_per_family_with_the_band_of_the_references(re
     for panel in data["panels"]:
         (band,) = panel["known"]
         assert min(band["y"]) == pytest.approx(-138, abs=0.1)
+
+
+def test_figures_of_the_common_report_and_published_run_times_stand_beside(read: Page) -> None:
+    """Both divisions are in one figure: the label says which."""
+    (panel,) = read.figures["scene1-ball-displacement"].data["panels"]
+    labels = {line["label"] for line in panel["lines"]}
+    assert {"beta[sweeps=8], open", "gamma[substeps=1], closed", "alpha, closed"} <= labels
+    assert read.tables["scene1-published-times"]
 
 
 def test_what_failed_is_listed_and_the_command_is_given(read: Page) -> None:
