@@ -62,7 +62,7 @@ def write(deck: Path, save: Callable[[Path], Any], step: int, time: float, spent
 
 def latest(deck: Path) -> tuple[Stored | None, list[int]]:
     """The last whole checkpoint of a deck, and the steps of later ones that are damaged; it only reads."""
-    damaged = []
+    damaged: list[int] = []
     for path in _written(deck):
         found = _stored(path)
         if found is not None:

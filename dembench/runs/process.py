@@ -23,7 +23,7 @@ SAMPLE_INTERVAL = 0.5
 SAMPLE_SHARE = 0.005
 """Largest share of the time that goes into sampling: on a machine with thousands of processes it takes a while [-]."""
 LONGEST_POLL = 0.1
-END_GRACE = 5.0
+END_GRACE = 10.0
 """Time that the guard has for ending the engine before everything is killed [s]."""
 
 Stop = Literal["timeout", "interrupted", "fault"]
