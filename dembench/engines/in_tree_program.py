@@ -7,6 +7,7 @@ few minutes of wall time, and when it is asked to end by SIGTERM, it writes a ch
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import signal
@@ -33,6 +34,8 @@ from dembench.scene import Scene, load_scene
 
 CHECKPOINT_SHARE = 0.01
 """Largest share of the wall time that goes into checkpoints [-]."""
+LOOK_INTERVAL = 0.25
+"""Wall time between two records from which on there are looks in between, at the cost of shorter launches [s]."""
 CLOCK_INTERVAL = 2.0
 """Wall time between two rows of the clock where nothing is recorded [s]."""
 
@@ -64,7 +67,7 @@ class Recorder:
         interval: Wall time between checkpoints [s].
 
     Attributes:
-        asked_to_end: The next call of `between` writes a checkpoint and ends the program.
+        asked_to_end: The next look writes a checkpoint and ends the program.
     """
 
     def __init__(self, deck: Path, scene: Scene, dt: float, watch: Stopwatch, interval: float) -> None:
@@ -73,6 +76,7 @@ class Recorder:
         self.asked_to_end = False
         (deck / FRAMES).mkdir(exist_ok=True)
         self._unflushed: list[Path] = []
+        self._pace = math.inf
         self._next_clock = 0.0
         self._next_checkpoint = time.perf_counter() + interval
 
@@ -101,8 +105,19 @@ class Recorder:
         self._append(CLOCK, [step, moment, sum(self.watch.spent.values())])
         self._next_clock = time.perf_counter() + CLOCK_INTERVAL
 
-    def between(self, simulation: Any) -> None:
-        """Called between two launches of the solver: writes the clock and checkpoints where they are due."""
+    def advance(self, simulation: Any, n: int) -> None:
+        """Makes n steps, with looks at the clock on the way where they take long."""
+        begin = time.perf_counter()
+        if n * self._pace < LOOK_INTERVAL:
+            simulation.step(n)
+            self._look(simulation)
+        else:
+            simulation.step(n, lambda _made: self._look(simulation))
+        self.watch.lap("loop")
+        self._pace = (time.perf_counter() - begin) / max(1, n)
+
+    def _look(self, simulation: Any) -> None:
+        """Writes the clock and a checkpoint where they are due, and ends the program where that was asked for."""
         self.watch.lap("loop")
         now = time.perf_counter()
         if now >= self._next_clock:
@@ -181,13 +196,13 @@ def _loop(scene: Scene, dt: float, simulation: Any, recorder: Recorder) -> None:
     frames = {round(t / dt): float(t) for t in scene.frame_times()}
     tracks = {round(t / dt): float(t) for t in scene.track_times()}
     low, high = np.array(scene.domain.lower), np.array(scene.domain.upper)
+    tracked = np.array(scene.tracked_bodies(), dtype=np.int64)
     first, last = simulation.steps, round(scene.duration / dt)
     signal.signal(signal.SIGTERM, lambda *_: setattr(recorder, "asked_to_end", True))
     for step in (s for s in sorted({*frames, *tracks, last}) if s >= first):
-        simulation.step(step - simulation.steps, lambda _made: recorder.between(simulation))
-        recorder.watch.lap("loop")
+        recorder.advance(simulation, step - simulation.steps)
         moment = frames.get(step, tracks.get(step, scene.duration))
-        left = np.setdiff1d(scene.tracked_bodies(), simulation.ids)
+        left = tracked[~np.isin(tracked, simulation.ids)]
         if len(left):
             raise SolverError(f"tracked body {left[0]} is gone by t = {moment:g} s", reason="lost particles")
         if step in tracks:
