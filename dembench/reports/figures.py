@@ -28,6 +28,8 @@ MARKERS = (None, "o", "s", "^", "D", "v", "P")
 KNOWN_MARKERS = ("D", "s", "^", "o", "v", "P")
 LOG_RANGE = 300.0
 """A panel whose positive values span more than this ratio gets a logarithmic axis."""
+LEAST_RANGE = 1e-6
+"""Range of a vertical axis, relative to its values, below which they are taken for equal."""
 WIDEST, THINNEST = 3.2, 1.2
 """Largest and smallest width of a line [pt]: earlier lines are wider, so that all stay visible where they coincide."""
 FEW_POINTS = 12
@@ -183,6 +185,10 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
         ax.grid(visible=False, which="minor")
     else:
         ax.yaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND_STEPS))
+        low, high = ax.get_ylim()
+        if high - low < LEAST_RANGE * max(abs(low), abs(high)):  # rounding alone, which is nothing to look at
+            middle = 0.5 * (low + high)
+            ax.set_ylim(middle - 0.05 * abs(middle), middle + 0.05 * abs(middle))
     if log_x:
         ax.set_xscale("log")
         _format_logarithmic(ax.xaxis)

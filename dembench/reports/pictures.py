@@ -178,7 +178,7 @@ def _shot(name: str, member: Member, picture: Picture, k: int, width: float, fas
         name=f"{name}-{member.shown.name}-{k}",
         lines=(*textwrap.wrap(member.label, int(width / LETTER))[:2], when),
         label=f"{picture.title}: {member.label}, {when}",
-        image=base64.b64encode(_image(scene, picture, shots, k, width, fastest)).decode(),
+        image=base64.b64encode(drawn_image(scene, picture, shots, k, width, fastest)).decode(),
         width=width,
         height=width / _aspect(picture),
         walls=_outline(scene, picture, scale),
@@ -186,7 +186,17 @@ def _shot(name: str, member: Member, picture: Picture, k: int, width: float, fas
     )
 
 
-def _image(scene: Scene, picture: Picture, shots: SnapshotSeries, k: int, width: float, fastest: float) -> bytes:
+def drawn_image(scene: Scene, picture: Picture, shots: SnapshotSeries, k: int, width: float, fastest: float) -> bytes:
+    """One picture as a PNG file.
+
+    Args:
+        scene: The scene.
+        picture: What is to be seen.
+        shots: Snapshots of a run.
+        k: Which of them.
+        width: Width in units of the drawing.
+        fastest: Speed at the end of the colour scale [m/s].
+    """
     position, velocity = shots.position[k], shots.velocity[k]
     drawn = position[:, 1] >= picture.cut
     drawn[list(picture.always)] = True

@@ -157,7 +157,7 @@ def _exponent(value: float) -> int:
 def _value(value: float | None, places: int, unit: str) -> Cell:
     if value is None:
         return Cell()
-    text = grouped(value if round(value, places) else 0.0, places)
+    text = grouped(value, places)
     return Cell(text if unit == "1" else f"{text} {unit}", float(f"{value:.10g}"))
 
 

@@ -78,8 +78,8 @@ def decimals(values: Sequence[float], digits: int = 3, most: int = 6) -> int:
 
 
 def grouped(value: float, places: int) -> str:
-    """A number with so many decimals, a true minus sign and thin spaces between thousands."""
-    text = f"{value:,.{places}f}".replace(",", "\u202f")
+    """A number with so many decimals, a true minus sign and thin spaces between thousands; 0 has no sign."""
+    text = f"{value if round(value, places) else 0.0:,.{places}f}".replace(",", "\u202f")
     return text.replace("-", "\u2212")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,12 @@ import pytest
 from PIL import Image
 from reading import Page
 from synthetic import registered
-from synthetic_bulk import add_bulk_run, drum_record, drum_scene
+from synthetic_bulk import add_bulk_run, drum_record, drum_scene, silo_scene
 
-from dembench.reports.pictures import crossings
+from dembench.cases import silo_views
+from dembench.reports.pictures import crossings, drawn_image
 from dembench.reports.report import render
+from dembench.results import SnapshotSeries
 from dembench.runs.directory import find_runs
 from dembench.scene import Cylinder
 
@@ -143,3 +146,23 @@ def test_walls_are_cut_where_they_cross_the_plane() -> None:
     ends = crossings(wall.triangulate(), 0.01).reshape(-1, 2)
     away = np.hypot(*ends.T)
     assert len(ends) == 400 and away.max() == pytest.approx(0.1) and away.min() >= 0.1 * np.cos(np.pi / 100) - 1e-9
+
+
+def test_what_is_always_drawn_is_seen_before_the_cut() -> None:
+    """A grain in front of the plane of the cut hides all behind it, where the picture asks for it."""
+    scene = silo_scene(grains=50)
+    picture = silo_views.pictures(scene)[0]
+    position = scene.bodies.position.copy()
+    position[:, 1] = np.abs(position[:, 1])
+    position[0, 1] = -0.01
+    velocity = np.zeros((1, 50, 3))
+    velocity[0, 0] = 1.0  # the colour tells it from the grain behind it
+    shots = SnapshotSeries(np.zeros(1), np.zeros(1), position[None], velocity, velocity)
+    cut, whole = (
+        np.array(Image.open(io.BytesIO(drawn_image(scene, p, shots, 0, 200.0, 1.0))).convert("RGBA"))
+        for p in (picture, replace(picture, always=(0,)))
+    )
+    x, z = position[0, 0], position[0, 2]
+    column = int((x - picture.x[0]) / (picture.x[1] - picture.x[0]) * cut.shape[1])
+    row = int((picture.z[1] - z) / (picture.z[1] - picture.z[0]) * cut.shape[0])
+    assert whole[row, column, 1] > 100 > cut[row, column, 1]

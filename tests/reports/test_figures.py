@@ -67,6 +67,11 @@ def test_many_decades_get_a_logarithmic_axis_and_negative_values_never() -> None
     assert not draw(plot(Line("a", TIME, decay + 1, "#123456"))).data["axes"]["wide"][0]["log"]
 
 
+def test_values_that_differ_by_rounding_are_drawn_as_equal() -> None:
+    axes = draw(plot(Line("a", TIME, 8 + 1e-12 * TIME, "#123456"))).data["axes"]["wide"][0]
+    assert axes["y0"] == pytest.approx(7.6) and axes["y1"] == pytest.approx(8.4)
+
+
 def test_values_that_are_no_numbers_are_gaps() -> None:
     drawing = draw(plot(Line("a", TIME, np.where(TIME > 10, np.nan, TIME), "#123456", cut_short=True)))
     assert drawing.data["panels"][0]["lines"][0]["y"][-1] is None

@@ -25,6 +25,7 @@ def test_decimals_follow_the_smallest_value() -> None:
 
 
 def test_minus_signs_are_minus_signs() -> None:
+    assert grouped(-1e-9, 2) == "0.00"
     assert grouped(-1234.5, 1) == "\u22121\u202f234.5"
     assert significant(-0.1384) == "\u22120.1384"
     assert significant(5e-7) == "5e\u22127"
