@@ -30,7 +30,8 @@ Checkpoints. A run of more than some minutes is cut into parts, and a restart fi
 sets up its lists and first forces anew at every start of a part, with the velocities of the whole step, and it does not
 know the velocity of a moving wall in the first force after `read_restart`: moving walls are set up anew after every
 checkpoint, so that a launch from it makes, on one rank, the run that was not interrupted to the last bit. Restart files
-hold the shear springs of pairs, primitives and meshes and the places of triangles.
+hold the shear springs of pairs, primitives and meshes and the places of triangles. The restart file that the program
+writes by itself when it is terminated is not used: it does not lie at the end of a part.
 
 Known deviation, written into the probe's facts: when a contact opens, its shear spring is kept until the next rebuild
 of the neighbour list, so that a pair that touches again before starts with it. A sphere that bounced twice on another
@@ -198,6 +199,8 @@ class Liggghts(Engine):
         if found is None:
             return None
         remove_frames(directory, found.step)
+        for forced in directory.glob("restart_forced_*"):
+            forced.unlink()
         own = renamed(scene)
         return self._launch(own, settings, directory, walls(own, settings.segments), Launch(found.step))
 

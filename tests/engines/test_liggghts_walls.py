@@ -123,26 +123,47 @@ def test_the_end_of_a_turning_drum_turns_with_it(tmp_path: Path) -> None:
     assert touching == pytest.approx(np.cross([0, -20.0, 0], last.position[0]), abs=0.002)
 
 
+@pytest.mark.parametrize("cells", [1, 20])
+def test_a_flat_mesh_is_a_plane(cells: int, tmp_path: Path) -> None:
+    """Grains that slide, roll and hop over hundreds of coplanar triangles move as on a primitive plane, to rounding."""
+    line = np.linspace(-0.01, 0.01, cells + 1)
+    low, high = line[:-1], line[1:]
+    corner = [
+        np.stack(np.meshgrid(x, y, [0.0], indexing="ij"), -1).reshape(-1, 3)
+        for x, y in ((low, low), (high, low), (high, high), (low, high))
+    ]
+    triangles = np.concatenate([np.stack([corner[0], corner[k], corner[k + 1]], 1) for k in (1, 2)])
+    ends = []
+    for wall in (
+        {"kind": "plane", "name": "drum", "material": "steel", "point": (0, 0, 0), "normal": (0, 0, 1)},
+        {"kind": "mesh", "name": "drum", "material": "steel", "triangles": triangles},
+    ):
+        bodies = {
+            "position": [[-0.008, 0.0003, 0.001], [-0.008, -0.004, 0.001], [-0.008, 0.004, 0.001]],
+            "velocity": [[0.3, 0.02, 0], [0.3, 0.01, 0], [0.2, 0, -0.1]],
+        }
+        (directory := tmp_path / wall["kind"]).mkdir()
+        ends.append(run(installed("liggghts"), scene((wall,), bodies=bodies), directory).frames[-1])
+    assert ends[0].position[:, 0] == pytest.approx(ends[1].position[:, 0], abs=1e-12)
+    assert ends[0].angular_velocity == pytest.approx(ends[1].angular_velocity, abs=1e-9)
+    assert (np.abs(ends[0].angular_velocity[:, 1]) > 50).all()
+
+
 @pytest.mark.parametrize("kind", ["primitive", "mesh"])
 def test_the_walls_carry_the_weight_of_a_bed_at_rest(kind: str, tmp_path: Path) -> None:
-    """Momentum: the force on all walls is the weight less the change of momentum, here below 1 % after settling.
+    """The force on all walls is the weight less the change of momentum, here below 1 % of it after settling.
 
-    Each wall is also compared with the in-tree solver where a bed of a few grains in its own hollows is determined.
+    The sides are pushed with 0.5 % of it, which depends on the way of each grain: 0.3 % of it between the engines.
     """
-    box = {
-        "kind": "box",
-        "name": "box",
-        "material": "steel",
-        "lower": (-0.004, -0.004, 0),
-        "upper": (0.004, 0.004, 0.02),
-    }
+    box = {"kind": "box", "material": "steel", "lower": (-0.0032, -0.0032, 0), "upper": (0.0032, 0.0032, 0.02)}
     floor = {**box, "name": "floor", "open_faces": ("x-", "x+", "y-", "y+", "z+")}
     sides = {**box, "name": "sides", "open_faces": ("z-", "z+")}
     walls = [scene((wall,), observables=()).walls[0] for wall in (floor, sides)]
     if kind == "mesh":
         walls = [{"kind": "mesh", "name": w.name, "material": "steel", "triangles": w.triangulate()} for w in walls]
-    line = np.array([-0.0024, 0.0001, 0.0024])
+    line = np.array([-0.0021, 0.0, 0.0021])
     position = np.stack(np.meshgrid(line, line, [0.00101, 0.00311, 0.0052], indexing="ij"), -1).reshape(-1, 3)
+    position[:, :2] += np.random.default_rng(0).uniform(-5e-5, 5e-5, (len(position), 2))
     made = scene(
         tuple(walls),
         bodies={"position": position},
@@ -153,10 +174,13 @@ def test_the_walls_carry_the_weight_of_a_bed_at_rest(kind: str, tmp_path: Path) 
             {"kind": "wall-force", "name": f"on_{n}", "wall": n, "interval": 0.05} for n in ("floor", "sides")
         ),
     )
-    frames = run(installed("liggghts"), made, tmp_path).frames
+    frames = run(installed("liggghts"), made, tmp_path / "liggghts").frames
+    tree = run(installed("peclet-hertz"), made, tmp_path / "tree").frames
     weight = float(made.masses().sum()) * 9.81
     total = frames[-1].wall_forces["floor"] + frames[-1].wall_forces["sides"]
     assert total == pytest.approx([0, 0, -weight], abs=0.01 * weight)
+    for wall in ("floor", "sides"):
+        assert frames[-1].wall_forces[wall] == pytest.approx(tree[-1].wall_forces[wall], abs=0.003 * weight)
     assert frames[-1].wall_forces["floor"][2] < -0.5 * weight
     assert not frames[0].wall_forces["floor"].any(), "no grain touches the floor at the start"
 
@@ -167,14 +191,16 @@ def silo(**changes: Any) -> Scene:
     x, y, z = (a.ravel() for a in np.meshgrid(line, line, np.arange(0.0125, 0.028, 0.0023), indexing="ij"))
     inside = np.hypot(x, y) < np.minimum(0.02, z) - 0.0016
     position = np.column_stack([x, y, z])[inside]
-    position += 5e-5 * np.sin(1e4 * position[:, [1, 2, 0]])
+    position += np.random.default_rng(2).uniform(-1e-4, 1e-4, position.shape)
     given = {
         "bodies": {"position": position},
         "domain": {"lower": (-0.021, -0.021, 0.0), "upper": (0.021, 0.021, 0.06)},
         "sinks": (OUTLET,),
         "duration": 0.1,
         "time_step": 1e-5,
-        "observables": ({"kind": "count", "name": "all", "interval": 0.01},),
+        "observables": tuple(
+            {"kind": "wall-force", "name": name, "wall": name, "interval": 2.5e-3} for name in ("barrel", "cone")
+        ),
         "walls": (BARREL, CONE),
     }
     return scene(**{**given, **changes})
@@ -182,6 +208,8 @@ def silo(**changes: Any) -> Scene:
 
 def test_a_silo_empties_as_in_the_tree(tmp_path: Path) -> None:
     """The number of grains that have passed the outlet, within 2 % of all: different paths, same flow.
+
+    With four other starts the two engines differed by 1.3 % at most, in both directions.
 
     The cone is a polygon here that lies at most 1 % of a radius outside the round one.
     """
@@ -223,7 +251,7 @@ def test_a_silo_may_run_empty(tmp_path: Path) -> None:
         ({}, True),
         ({"sinks": ()}, False),
         ({"gravity": (9.81, 0, 0)}, False),
-        ({"walls": (BARREL,)}, False),
+        ({"walls": (BARREL,), "observables": ()}, False),
         ({"walls": (BARREL, {**CONE, "radius_end": 0.019})}, False),
     ],
     ids=["a silo", "no sink", "gravity across", "no cone", "a step at the cone"],
