@@ -14,9 +14,10 @@ from dembench.cases.initial_states import bed, given_coordinates, given_file
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published
 from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import Picture
-from dembench.initial.filling import LOOSE, Filling, Layer, Protocol
+from dembench.initial.filling import LOOSE, STACKED, Filling, Layer, Protocol
 from dembench.initial.progress import Progress
 from dembench.initial.published import read_coordinates
+from dembench.initial.stacking import stacked
 from dembench.scene import (
     Bodies,
     Box,
@@ -37,6 +38,8 @@ QUICK_GRAIN_RADIUS = 0.002
 QUICK_GRAINS = 3125
 QUICK_DURATION = 0.06
 QUICK_RAYLEIGH_FRACTION = 0.1
+STACK = {"height_tolerance": 5e-3, "fraction_tolerance": 0.015}
+"""What the 100k bed may differ from its targets by where it is the 50k bed twice [m], [-]."""
 MARGIN = (0.006, 0.006, 0.01)
 DOMAIN_TOP = 0.4
 DEEPEST = 0.031
@@ -93,6 +96,11 @@ class Impact(Case):
             grains, state = bed(self.name if seed == 0 else None, filling(None), progress, seed), "quick"
         elif initial is None:
             grains, state = bed(None, filling(parameters.bed), progress, seed), f"{parameters.bed}_generated"
+        elif (half := _half_bed(parameters, initial)) is not None:
+            start = stacked(half, published("impact")["published"]["grain_radius"])
+            plan = filling(parameters.bed).model_copy(update={"protocol": STACKED, **STACK})
+            grains, state = bed(None, plan, progress, start=start), f"{parameters.bed}_stacked"
+            grains = moved(grains, seed, parameters.jitter)
         else:
             grains, state = _given_bed(parameters, initial, seed)
         return _scene(f"{self.name}_{state}", grains, parameters, preset)
@@ -158,6 +166,18 @@ def _given_bed(parameters: ImpactParameters, initial: Path, seed: int) -> tuple[
     known = positions_digest(coordinates.position) == count[parameters.bed].get("positions_sha256")
     position = moved(coordinates.position, seed, parameters.jitter)
     return position, f"{parameters.bed}_{'published' if known else 'given'}"
+
+
+def _half_bed(parameters: ImpactParameters, initial: Path) -> np.ndarray | None:
+    """Grain centres of the 50k bed [m], shape (n, 3), where it is given and the 100k bed that was asked for is not."""
+    if parameters.bed != "100k" or given_file(initial, "impact 100k", optional=True) is not None:
+        return None
+    path = given_file(initial, "impact 50k", optional=True)
+    if path is None:
+        return None
+    numbers = published("impact")
+    radii, ball = [numbers["published"]["grain_radius"]], numbers["ball"]["radius"]
+    return given_coordinates(lambda: read_coordinates(path, radii, ball)).position
 
 
 def positions_digest(position: np.ndarray) -> str:

@@ -16,7 +16,13 @@ from dembench.initial.published_walls import read_walls
 from dembench.initial.rows import CoordinatesError
 
 
-def bed(name: str | None, plan: Filling, progress: Progress | None, seed: int = 0) -> np.ndarray:
+def bed(
+    name: str | None,
+    plan: Filling,
+    progress: Progress | None,
+    seed: int = 0,
+    start: np.ndarray | None = None,
+) -> np.ndarray:
     """Centres of a settled bed [m], shape (n, 3).
 
     Args:
@@ -24,6 +30,7 @@ def bed(name: str | None, plan: Filling, progress: Progress | None, seed: int = 
         plan: How the bed is made where none ships.
         progress: Called while it is made.
         seed: Seed of the filling.
+        start: Centres to start from instead of a lattice [m], shape (n, 3).
 
     Raises:
         CaseError: The filling failed.
@@ -31,18 +38,18 @@ def bed(name: str | None, plan: Filling, progress: Progress | None, seed: int = 
     if name is not None and (found := shipped(name)) is not None:
         return found
     try:
-        return filled(plan, seed, progress)
+        return filled(plan, seed, progress, start)
     except PackingError as error:
         raise CaseError(f"{error}; another seed may do, or give a published initial state") from None
 
 
-def given_file(initial: Path | None, name: str, walls: bool = False) -> Path | None:
+def given_file(initial: Path | None, name: str, optional: bool = False) -> Path | None:
     """The given file of that name (see `FILES`).
 
     Args:
         initial: What is given; None gives None.
         name: Name of the file.
-        walls: What is given is a directory for the sake of its wall meshes: it may lack the file, which gives None.
+        optional: A directory that is given for the sake of another file, too, may lack this one, which gives None.
 
     Raises:
         CaseError: What is given does not exist, lacks the file or has several such files.
@@ -52,7 +59,7 @@ def given_file(initial: Path | None, name: str, walls: bool = False) -> Path | N
     try:
         return find_file(initial, name)
     except CoordinatesError as error:
-        if walls and initial.is_dir():
+        if optional and initial.is_dir():
             return None
         raise CaseError(str(error)) from None
 

@@ -1,4 +1,4 @@
-"""Verbs about initial states: make, convert."""
+"""Verbs about initial states: make, quality, convert."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 import typer
 
 from dembench import console
-from dembench.cases.base import CaseError
+from dembench.cases.base import CaseError, Preset
 from dembench.cases.registry import parse_case
-from dembench.cli.options import Json, PresetName, print_json, usage_errors
+from dembench.cli.options import Initial, Json, PresetName, print_json, usage_errors
 from dembench.initial import formats
-from dembench.initial.beds import Bed, write_bed
+from dembench.initial.beds import Bed, read_bed, write_bed
+from dembench.initial.fetch import initial_state
 from dembench.initial.filling import PackingError, cache_path, filled, measure
 from dembench.initial.formats.state import FIELDS, UNITS, State
+from dembench.initial.progress import Progress
 from dembench.initial.rows import CoordinatesError
 
 app = typer.Typer(no_args_is_help=True, help="Initial states: makes, measures and converts them.")
@@ -56,6 +58,57 @@ def make(
     else:
         console.line(str(path))
         console.line(found.line())
+
+
+@app.command()
+def quality(
+    what: Annotated[str, typer.Argument(metavar="FILE_OR_CASE", help="bed *.npz made here, or case1[orifice=large]")],
+    preset: PresetName = None,
+    initial: Initial = None,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the initial state")] = 0,
+    forces: Annotated[bool, typer.Option(help="stresses from contact forces, which takes most of the time")] = True,
+    figure: Annotated[Path | None, typer.Option(help="picture to write, *.svg, *.png or *.pdf")] = None,
+    json_: Json = False,
+) -> None:
+    """Shows how good a settled packing is: density, surface, overlaps and the stress that it carries.
+
+    Of a case, the container is as it was closed for the filling; what is no part of the packing is left out.
+    """
+    from dembench.initial.quality import quality as measured
+    from dembench.reports.packing import draw
+
+    if figure is not None and figure.suffix not in (".svg", ".png", ".pdf"):
+        console.error(f"--figure {figure}: accepted are *.svg, *.png and *.pdf")
+        raise typer.Exit(2)
+    try:
+        with usage_errors(), console.bar(json_) as progress:
+            bed = _bed(what, preset, initial_state(initial), seed, progress)
+            found = measured(bed.plan, bed.position, forces, progress)
+    except PackingError as error:
+        console.error(str(error))
+        raise typer.Exit(1) from None
+    if figure is not None:
+        draw(found, what, figure)
+    if json_:
+        print_json(found.model_dump())
+        return
+    console.line(found.packing.line())
+    console.table(("quantity", "value"), found.rows())
+    console.table(("height mm", "solid fraction", "stress Pa", "weight above Pa", "Janssen Pa"), found.level_rows())
+    if figure is not None:
+        console.line(str(figure))
+
+
+def _bed(what: str, preset: Preset | None, initial: Path | None, seed: int, progress: Progress) -> Bed:
+    """The bed of a file, or that of a case."""
+    if what.endswith(".npz"):
+        return read_bed(Path(what))
+    case, parameters = parse_case(what)
+    scene = case.scene(parameters, preset or "quick", initial, seed, progress)
+    plan = case.filling(parameters, preset or "quick")
+    if plan is None:
+        raise CaseError(f"{what}: its initial state is not filled")
+    return Bed(plan, seed, scene.bodies.position[: plan.count])
 
 
 @app.command()

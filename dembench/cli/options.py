@@ -14,6 +14,7 @@ from dembench import campaign, console
 from dembench.cases.base import CaseError
 from dembench.engines.base import SettingsError
 from dembench.engines.registry import UnknownEngine
+from dembench.initial.beds import BedError
 from dembench.initial.fetch import initial_state
 from dembench.initial.rows import CoordinatesError
 from dembench.results.foreign import ForeignError
@@ -45,6 +46,7 @@ Json = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 USAGE = (
     RequestError,
+    BedError,
     CaseError,
     CoordinatesError,
     SceneError,

@@ -6,6 +6,7 @@ Young's modulus, which allows longer steps, then relax at their own: overlaps an
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import math
 import time
@@ -76,6 +77,9 @@ class Protocol(Model):
 
 LOOSE = Protocol(stages=(Stage(softening=0.1, friction=0.5, locked=True), Stage(friction=1.0)), lattice_fraction=0.42)
 """For beds looser than the default makes, as the published impact beds of 50k and 100k grains are."""
+
+STACKED = Protocol(stages=(Stage(friction=1.0, step=0.3),))
+"""For a start that is a settled packing nearly everywhere."""
 
 TALL = Protocol(
     stages=(
@@ -164,28 +168,42 @@ class PackingError(RuntimeError):
     """Particles that have no room, do not come to rest, or not to the packing that they should have."""
 
 
-def filled(plan: Filling, seed: int, progress: Progress | None = None) -> np.ndarray:
+def filled(plan: Filling, seed: int, progress: Progress | None = None, start: np.ndarray | None = None) -> np.ndarray:
     """Centres of a settled packing [m], shape (n, 3), layer upon layer, from the cache where it is there.
 
     An interrupted filling goes on from its last checkpoint in the cache when it is asked for again, and ends with the
     same bits.
 
+    Args:
+        plan: What is filled in.
+        seed: Seed of the lattice's jitter.
+        progress: Called while it settles.
+        start: Centres to start from instead of the lattice [m], shape (n, 3).
+
     Raises:
         PackingError: The particles have no room or do not rest in time, or the height or solid fraction is outside
             the tolerance.
     """
-    checkpoints = Checkpoints(cache_path(plan, seed))
-    return cached(_kind(plan), inputs(plan, seed), lambda: _settle(plan, seed, progress or silent, checkpoints))
+    path = cache_path(plan, seed, start)
+
+    def make() -> np.ndarray:
+        begin = _lattice(plan, seed) if start is None else start
+        return _settle(plan, begin, progress or silent, Checkpoints(path))
+
+    return cached(_kind(plan), inputs(plan, seed, start), make)
 
 
-def inputs(plan: Filling, seed: int) -> dict[str, Any]:
-    """Everything that a filling depends on, as plain JSON data."""
-    return {"plan": plan.model_dump(mode="json"), "seed": seed}
+def inputs(plan: Filling, seed: int, start: np.ndarray | None = None) -> dict[str, Any]:
+    """Everything that a filling depends on, as plain JSON data; a given start by its digest."""
+    found = {"plan": plan.model_dump(mode="json"), "seed": seed}
+    if start is not None:
+        found["start"] = hashlib.sha256(np.ascontiguousarray(start, dtype="<f8").tobytes()).hexdigest()
+    return found
 
 
-def cache_path(plan: Filling, seed: int) -> Path:
+def cache_path(plan: Filling, seed: int, start: np.ndarray | None = None) -> Path:
     """Where the cache keeps a filling."""
-    return entry(_kind(plan), inputs(plan, seed))
+    return entry(_kind(plan), inputs(plan, seed, start))
 
 
 def _kind(plan: Filling) -> str:
@@ -206,6 +224,28 @@ def check_packing(plan: Filling, found: Packing) -> None:
         faults.append(f"bulk solid fraction {plan.bulk_fraction:.3f} +- {plan.fraction_tolerance:.3f}")
     if faults:
         raise PackingError(f"the settled packing is not as it should be ({'; '.join(faults)}): {found.line()}")
+
+
+def resting(plan: Filling, position: np.ndarray, tolerance: float, progress: Progress | None = None) -> Simulation:
+    """A simulation of a settled packing whose contacts have their shear springs again, so that the walls carry it.
+
+    Args:
+        plan: The filling.
+        position: Centres [m], shape (n, 3).
+        tolerance: Share of the weight that the walls may fail to carry [-].
+        progress: Called while it settles.
+
+    Raises:
+        PackingError: The packing does not come to rest.
+    """
+    simulation = _simulation(plan, position, plan.protocol.stages[-1])
+    weight = float(simulation.scene.masses().sum()) * -simulation.scene.gravity[2]
+    carried = 0.0
+    while abs(carried / weight - 1) > tolerance:
+        _rest(simulation, plan, len(plan.protocol.stages) - 1, progress or silent, None)
+        contacts = simulation.contacts()
+        carried = float(contacts.force()[contacts.j < 0, 2].sum())
+    return simulation
 
 
 class Checkpoints:
@@ -245,13 +285,13 @@ class Checkpoints:
         return self.target.with_name(f"{self.target.stem}-stage{stage}.npz")
 
 
-def _settle(plan: Filling, seed: int, progress: Progress, checkpoints: Checkpoints) -> np.ndarray:
+def _settle(plan: Filling, start: np.ndarray, progress: Progress, checkpoints: Checkpoints) -> np.ndarray:
     stages = plan.protocol.stages
     resumed = checkpoints.load(len(stages))
     if resumed:
         first, simulation = resumed
     else:
-        first, simulation = 0, _simulation(plan, _start(plan, seed), stages[0])
+        first, simulation = 0, _simulation(plan, start, stages[0])
     for k in itertools.count(first):
         _rest(simulation, plan, k, progress, checkpoints)
         if k + 1 == len(stages):
@@ -264,7 +304,7 @@ def _settle(plan: Filling, seed: int, progress: Progress, checkpoints: Checkpoin
     return simulation.position
 
 
-def _start(plan: Filling, seed: int) -> np.ndarray:
+def _lattice(plan: Filling, seed: int) -> np.ndarray:
     radius = {s.name: s.radius for s in plan.species}
     layers = [(layer.count, radius[layer.species]) for layer in plan.layers]
     try:
@@ -297,7 +337,9 @@ def _simulation(plan: Filling, position: np.ndarray, stage: Stage) -> Simulation
     return Simulation(scene, dt=stage.step * scene.rayleigh_time(), midpoint=True)
 
 
-def _rest(simulation: Simulation, plan: Filling, stage: int, progress: Progress, checkpoints: Checkpoints) -> None:
+def _rest(
+    simulation: Simulation, plan: Filling, stage: int, progress: Progress, checkpoints: Checkpoints | None
+) -> None:
     """Steps a simulation until its particles rest."""
     protocol, scene = plan.protocol, simulation.scene
     gravity, radius = -scene.gravity[2], scene.radii()
@@ -316,4 +358,5 @@ def _rest(simulation: Simulation, plan: Filling, stage: int, progress: Progress,
         done = min(1.0, simulation.time / expected)
         where = f"stage {stage + 1} of {len(protocol.stages)}, t = {simulation.time:.3f} s"
         progress((stage + done) / len(protocol.stages), f"settling {plan.count} particles, {where}")
-        checkpoints.save(stage, simulation)
+        if checkpoints:
+            checkpoints.save(stage, simulation)

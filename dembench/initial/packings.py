@@ -64,7 +64,7 @@ def packing(position: np.ndarray, radius: np.ndarray | float, walls: Sequence[Wa
     radius = np.broadcast_to(np.asarray(radius, dtype=float), len(position))
     lower, upper = enclosure(walls)
     diameter = 2 * float(radius.mean())
-    top = free_surface(position, radius, lower, upper)
+    top = float(tops(position, radius, lower, upper).mean())
     samples = Samples(position, radius, walls, top)
     bulk = samples.core & (samples.height > lower[2] + 2 * diameter) & (samples.height < top - 3 * diameter)
     depth = overlaps(position, radius)
@@ -79,14 +79,14 @@ def packing(position: np.ndarray, radius: np.ndarray | float, walls: Sequence[Wa
     )
 
 
-def free_surface(position: np.ndarray, radius: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> float:
-    """Mean level of the top [m]: the mean over columns of the top of the highest particle."""
+def tops(position: np.ndarray, radius: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Tops of the highest particle of every column that has any, columns being 1.5 mean diameters wide [m]."""
     width = (upper - lower)[:2]
     columns = np.maximum(1, np.round(width / (COLUMN * 2 * radius.mean()))).astype(int)
     index = np.clip(((position - lower)[:, :2] / width * columns).astype(int), 0, columns - 1)
     top = np.full(columns, -np.inf)
     np.maximum.at(top, (index[:, 0], index[:, 1]), position[:, 2] + radius)
-    return float(top[np.isfinite(top)].mean())
+    return top[np.isfinite(top)]
 
 
 def overlaps(position: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -163,7 +163,7 @@ def test_the_quick_set_up(quick):
 def test_the_bed_is_made_with_the_seed_and_the_published_targets(monkeypatch):
     asked = []
 
-    def bed(plan: Filling, seed, progress):
+    def bed(plan: Filling, seed, progress, start):
         asked.append((plan, seed))
         return loose_bed(plan.count, plan.species[0].radius)
 
@@ -173,6 +173,26 @@ def test_the_bed_is_made_with_the_seed_and_the_published_targets(monkeypatch):
     plan, seed = asked[0]
     assert (plan.count, plan.radii().max(), plan.height, plan.bulk_fraction, seed) == (25000, 0.001, 0.0320, 0.581, 7)
     assert scene.name == "case3_25k_generated"
+
+
+def test_the_100k_bed_is_the_given_50k_bed_twice_where_it_is_not_given_itself(tmp_path, monkeypatch):
+    started = []
+
+    def settled(plan, seed, progress, start):
+        started.append(start)
+        return start
+
+    monkeypatch.setattr("dembench.cases.initial_states.filled", settled)
+    found, parameters = parse_case("case3[bed=100k]")
+    with pytest.raises(CaseError, match="no file of the impact 100k"):
+        found.scene(parameters, "published", tmp_path)
+    bed_file(tmp_path, 50000, name="50KParticles.txt")
+    scene = found.scene(parameters, "published", tmp_path)
+    assert scene.name == "case3_100k_stacked" and started[0].shape == (100000, 3)
+    np.testing.assert_array_equal(scene.bodies.position[:50000], loose_bed(50000, 0.001))
+    assert scene.bodies.position[50000:-1, 2].min() >= loose_bed(50000, 0.001)[:, 2].max()
+    moved = found.scene(parameters, "published", tmp_path, seed=1)
+    assert 0 < np.abs(moved.bodies.position - scene.bodies.position).max() <= parameters.jitter
 
 
 @pytest.mark.parametrize("text", ["case3[bed=25k]", "case3[bed=50k]", "case3[jitter=1e-5]"])

@@ -8,6 +8,7 @@ from dembench.initial.cache import cache_directory
 from dembench.initial.container import clearance
 from dembench.initial.filling import Filling, Layer, PackingError, Protocol, check_packing, filled, measure
 from dembench.initial.packings import Packing
+from dembench.initial.stacking import stacked
 from dembench.scene import (
     Bodies,
     Box,
@@ -66,7 +67,7 @@ def plan(count=300, **changes):
 
 
 def start(asked, seed=0):
-    return filling._start(asked, seed)
+    return filling._lattice(asked, seed)
 
 
 def nearest(position):
@@ -180,6 +181,24 @@ def test_locked_particles_arch_and_the_loose_protocol_is_looser():
         asked = plan(count=600, protocol=protocol)
         fractions[name] = measure(asked, filled(asked, 0)).fraction
     assert fractions["loose"] < fractions["default"] - 0.01
+
+
+def test_a_bed_stacked_on_itself():
+    """The copy stands on the bed without overlap, in the same box, touching; settled it is about twice as high."""
+    asked = plan(count=150)
+    bed = filled(asked, seed=0)
+    start = stacked(bed, 0.002)
+    assert (clearance(asked.walls, start) > 0.99 * 0.002).all()
+    across = np.linalg.norm(start[:150, None] - start[None, 150:], axis=2)
+    assert across.min() == pytest.approx(2 * 0.002, rel=1e-9)
+    twice = plan(count=300, protocol=filling.STACKED)
+    position = filled(twice, 0, start=start)
+    low, high = measure(asked, bed), measure(twice, position)
+    assert 1.7 * low.height < high.height < 2.1 * low.height
+    assert high.coordination > 3
+    assert len(list(cache_directory().iterdir())) == 2
+    assert np.array_equal(filled(twice, 0, start=start), position)
+    assert not np.array_equal(filled(twice, 0), position)
 
 
 def test_a_filling_comes_from_the_cache_the_second_time(monkeypatch):
