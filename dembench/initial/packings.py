@@ -62,9 +62,9 @@ def packing(position: np.ndarray, radius: np.ndarray | float, walls: Sequence[Wa
         ValueError: The walls do not bound a space.
     """
     radius = np.broadcast_to(np.asarray(radius, dtype=float), len(position))
-    lower, upper = enclosure(walls)
+    lower, _ = enclosure(walls)
     diameter = 2 * float(radius.mean())
-    top = float(tops(position, radius, lower, upper).mean())
+    top = float(tops(position, radius, walls).mean())
     samples = Samples(position, radius, walls, top)
     bulk = samples.core & (samples.height > lower[2] + 2 * diameter) & (samples.height < top - 3 * diameter)
     depth = overlaps(position, radius)
@@ -79,14 +79,23 @@ def packing(position: np.ndarray, radius: np.ndarray | float, walls: Sequence[Wa
     )
 
 
-def tops(position: np.ndarray, radius: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Tops of the highest particle of every column that has any, columns being 1.5 mean diameters wide [m]."""
+def tops(position: np.ndarray, radius: np.ndarray, walls: Sequence[WallShape]) -> np.ndarray:
+    """Tops of the highest particle of every column [m]; columns are 1.5 mean diameters wide.
+
+    Columns without a particle are left out, and those that a wall cuts, unless it cuts all.
+    """
+    lower, upper = enclosure(walls)
     width = (upper - lower)[:2]
     columns = np.maximum(1, np.round(width / (COLUMN * 2 * radius.mean()))).astype(int)
     index = np.clip(((position - lower)[:, :2] / width * columns).astype(int), 0, columns - 1)
     top = np.full(columns, -np.inf)
     np.maximum.at(top, (index[:, 0], index[:, 1]), position[:, 2] + radius)
-    return top[np.isfinite(top)]
+    filled = np.argwhere(np.isfinite(top))
+    found, whole = top[np.isfinite(top)], np.ones(len(filled), bool)
+    for corner in ((0.01, 0.01), (0.01, 0.99), (0.99, 0.01), (0.99, 0.99)):
+        place = lower[:2] + (filled + corner) * width / columns
+        whole &= clearance(walls, np.column_stack([place, found])) > 0
+    return found[whole] if whole.any() else found
 
 
 def overlaps(position: np.ndarray, radius: np.ndarray) -> np.ndarray:

@@ -112,8 +112,8 @@ def quality(plan: Filling, position: np.ndarray, forces: bool = True, progress: 
     Raises:
         PackingError: It does not come to rest.
     """
-    radius, (lower, upper) = plan.radii(), enclosure(plan.walls)
-    top = tops(position, radius, lower, upper)
+    radius, (lower, _) = plan.radii(), enclosure(plan.walls)
+    top = tops(position, radius, plan.walls)
     mean = float(top.mean())
     edges = np.arange(lower[2], mean + 1e-12, SLAB * 2 * radius.mean())
     if len(edges) < 2:

@@ -194,5 +194,5 @@ def test_what_does_not_fit_is_refused(unsettled, tmp_path, monkeypatch):
         scene_of("case1[orifice=small]", "published")
 
 
-def _no_packing(plan, seed, progress):
+def _no_packing(plan, seed, progress, start):
     raise PackingError("100000 particles do not rest after 1 s")

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dembench.initial.packings import packing
+from dembench.initial.packings import packing, tops
 from dembench.initial.published import find_file, read_coordinates
 from dembench.scene import Box, Cylinder, Frustum, Plane
 
@@ -70,6 +70,18 @@ def test_overlaps_are_in_diameters():
     found = packing(position, 0.002, walls)
     assert found.largest_overlap == pytest.approx(0.01)
     assert found.mean_overlap == pytest.approx(0.01)
+
+
+def test_the_surface_in_a_round_container_is_that_of_its_middle():
+    """A cubic packing cut to a cylinder: columns at the rim that hold low grains only do not lower its surface."""
+    position, _ = cubic_bed((12, 12, 12), 0.002)
+    position = position - position.mean(axis=0) + [0, 0, 0.024]
+    away = np.linalg.norm(position[:, :2], axis=1)
+    inside = (away < 0.0226) | ((away < 0.024) & (position[:, 2] < 0.01))
+    walls = (Cylinder(name="tube", material="steel", start=(0, 0, 0), end=(0, 0, 0.1), radius=0.026),)
+    top = tops(position[inside], np.full(inside.sum(), 0.002), walls)
+    assert len(top) > 40
+    np.testing.assert_allclose(top, 0.048)
 
 
 def test_a_flat_bed_has_no_bulk():
