@@ -42,8 +42,6 @@ STACK = {"height_tolerance": 5e-3, "fraction_tolerance": 0.015}
 """What the 100k bed may differ from its targets by where it is the 50k bed twice [m], [-]."""
 MARGIN = (0.006, 0.006, 0.01)
 DOMAIN_TOP = 0.4
-DEEPEST = 0.031
-"""Time near which the ball is deepest in the 25k bed [s]."""
 
 
 class ImpactParameters(ContactParameters):
@@ -219,7 +217,7 @@ def _scene(name: str, grains: np.ndarray, parameters: ImpactParameters, preset: 
             Energy(name="energy", interval=INTERVAL),
             ElasticEnergy(name="springs", interval=INTERVAL),
             Overlap(name="overlap", interval=INTERVAL),
-            Snapshot(name="deepest", times=(DEEPEST,)),
+            Snapshot(name="deepest", times=(numbers["beds"][parameters.bed]["deepest_near"],)),
             Snapshot(name="final", times=(duration,)),
         ),
     )

@@ -46,7 +46,8 @@ def lattice(
         cells = np.maximum(1, np.floor((upper - lower)[:2] / spacing).astype(int))
         pitch = np.append((upper - lower)[:2] / cells, spacing)
         # the walls bound the sites from above, a plane of them may reach beyond the top by half a pitch
-        planes, room = [], 0
+        planes: list[np.ndarray] = []
+        room = 0
         while room < count:
             height = floor + (len(planes) + 0.5) * spacing
             if height + radius > upper[2]:
