@@ -153,13 +153,16 @@ class Case(ABC):
     parameters: ClassVar[type[Model]]
     presets: ClassVar[tuple[Preset, ...]] = ("quick", "published")
 
-    @abstractmethod
     def check(self, parameters: Any, preset: Preset, initial: Path | None = None) -> None:
         """Whether the parameters, the preset and a given initial state fit together, without building anything.
+
+        A case that asks for more than a preset that it has adds to this.
 
         Raises:
             CaseError: They do not; the message says what would be accepted.
         """
+        if preset not in self.presets:
+            raise CaseError(f"{self.name} has no preset '{preset}'; accepted are {', '.join(self.presets)}")
 
     @abstractmethod
     def scene(

@@ -9,7 +9,7 @@ import numpy as np
 
 from dembench.cases import drum_scores, drum_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
-from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls
+from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls, needs_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.filling import SOFT, TALL, Filling, Layer
@@ -59,13 +59,9 @@ class Drum(Case):
 
     def check(self, parameters: DrumParameters, preset: Preset, initial: Path | None = None) -> None:
         """See `Case.check`."""
-        if preset not in self.presets:
-            raise CaseError(f"{self.name} has no preset '{preset}'; accepted are {', '.join(self.presets)}")
-        if parameters.walls == "mesh" and initial is None:
-            raise CaseError(
-                f"{self.name}[walls=mesh] needs the published triangles: --initial DIRECTORY with "
-                f"{published('drum')['published']['walls']}, or --initial dosta2024"
-            )
+        super().check(parameters, preset, initial)
+        if parameters.walls == "mesh":
+            needs_walls(self.name, published("drum")["published"]["walls"], initial)
 
     def scene(
         self,

@@ -10,7 +10,7 @@ import numpy as np
 from dembench.cases import drum_bed
 from dembench.cases.base import Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.publication import cited, published
-from dembench.cases.quantities import Extremum, extrema
+from dembench.cases.quantities import Extremum, extrema, kept_shape, overlap_in_diameters, titled
 from dembench.scene import Scene
 
 COUNTED = "zone2.M1"
@@ -19,8 +19,6 @@ LEAST_SWING = 0.05
 """Smallest swing of the count, as a share of all M1, that makes an extremum [-]."""
 STEADY = 1.0
 """Time from which surface and wall layer are those of the steady flow [s]."""
-LARGEST_OVERLAP = 0.05
-"""Overlap of the smallest grains in diameters above which a run is no drum of these grains [-]."""
 
 QUANTITIES = {
     "first_trough": ("First trough of M1 in zone 2", "1"),
@@ -47,7 +45,7 @@ QUANTITIES = {
 
 def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
     """The quantities that the record covers."""
-    found: dict[str, float] = {}
+    found: dict[str, float | None] = {}
     zones = result.observables.get("zones")
     if zones is not None and len(zones.time) > 2:
         count = np.asarray(zones.value, dtype=float)[:, list(zones.components).index(COUNTED)]
@@ -55,15 +53,8 @@ def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
     shots = result.snapshots.get("mixing")
     if shots is not None and len(shots.time):
         found |= _bed(scene, shots)
-    overlap = result.observables.get("overlap")
-    if overlap is not None and len(overlap.time):
-        found["overlap"] = float(np.max(overlap.value)) / (2 * float(scene.radii().min()))
-    return [Quantity(name, *_titled(name, found[name])) for name in QUANTITIES if name in found]
-
-
-def _titled(name: str, value: float) -> tuple[str, float, str]:
-    title, unit = QUANTITIES[name]
-    return title, value, unit
+    found["overlap"] = overlap_in_diameters(scene, result)
+    return titled(QUANTITIES, found)
 
 
 def _grains(scene: Scene, species: str) -> int:
@@ -111,18 +102,8 @@ def _state(shots: Any, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def references(scene: Scene, parameters: Any, preset: Preset) -> list[Reference]:
     """What holds for a variant: published numbers where its contacts are the published ones."""
-    necessary = Reference(
-        quantity="overlap",
-        value=None,
-        low=None,
-        high=LARGEST_OVERLAP,
-        unit="1",
-        source=f"grains keep their shape; band: {LARGEST_OVERLAP:.0%} of the diameter",
-        kind="closed form",
-        necessary=True,
-    )
     numbers = published("drum")
-    return [necessary, *cited(numbers["quick"] if preset == "quick" else numbers, QUANTITIES, parameters)]
+    return [kept_shape(), *cited(numbers["quick"] if preset == "quick" else numbers, QUANTITIES, parameters)]
 
 
 def curves(scene: Scene, parameters: Any, preset: Preset) -> list[Curve]:

@@ -64,8 +64,7 @@ class Impact(Case):
 
     def check(self, parameters: ImpactParameters, preset: Preset, initial: Path | None = None) -> None:
         """See `Case.check`: the quick preset takes neither a bed nor an initial state."""
-        if preset not in self.presets:
-            raise CaseError(f"{self.name} has no preset '{preset}'; accepted are {', '.join(self.presets)}")
+        super().check(parameters, preset, initial)
         if preset == "published":
             return
         given = sorted(parameters.model_fields_set & {"bed", "jitter"})

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dembench.cases.base import Curve, Quantity, Recorded, Reference
-from dembench.cases.quantities import lowest, sample_at
+from dembench.cases.quantities import lowest, sample_at, titled
 from dembench.scene import Box, Scene
 
 FREE_FALL_SHARE = 0.9
@@ -46,7 +46,7 @@ def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
         total = np.asarray(seen["energy"].value).sum(axis=1)
         found["energy_excess"] = float(total.max() - total[0])
         found["energy_rise"] = _rise(total, seen.get("springs"))
-    return [Quantity(name, *_titled(name, value)) for name in QUANTITIES if (value := found.get(name)) is not None]
+    return titled(QUANTITIES, found)
 
 
 def _rise(total: np.ndarray, springs: Any) -> float | None:
@@ -58,11 +58,6 @@ def _rise(total: np.ndarray, springs: Any) -> float | None:
         return None
     n = min(len(total), len(springs.time))
     return max(0.0, float(np.diff(total[:n] + np.asarray(springs.value)[:n]).max()))
-
-
-def _titled(name: str, value: float) -> tuple[str, float, str]:
-    title, unit = QUANTITIES[name]
-    return title, value, unit
 
 
 def _depths(scene: Scene, seen: Mapping[str, Any]) -> dict[str, float | None]:

@@ -72,6 +72,14 @@ def given_coordinates(read: Callable[[], Coordinates]) -> Coordinates:
         raise CaseError(str(error)) from None
 
 
+def needs_walls(case: str, file: str, initial: Path | None) -> None:
+    """Raises CaseError where a case with published triangles as walls is not given where they are."""
+    if initial is None:
+        raise CaseError(
+            f"{case}[walls=mesh] needs the published triangles: --initial DIRECTORY with {file}, or --initial dosta2024"
+        )
+
+
 def given_walls(initial: Path, name: str) -> np.ndarray:
     """Triangles of a published wall mesh [m], shape (n, 3, 3), from a directory or a file.
 

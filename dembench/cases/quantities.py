@@ -2,11 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from dembench.cases.base import Quantity, Recorded, Reference
+from dembench.scene import Scene
+
 AT_REST = 0.01
+LARGEST_OVERLAP = 0.05
+"""Overlap of grains in diameters above which they are no grains of their shape [-]."""
+
+Titles = Mapping[str, tuple[str, str]]
+"""Title and unit of quantities by name, in the order of tables."""
+
+
+def titled(titles: Titles, found: Mapping[str, float | None]) -> list[Quantity]:
+    """The quantities that were found, with their titles and units, in the order of tables."""
+    return [
+        Quantity(name, title, value, unit)
+        for name, (title, unit) in titles.items()
+        if (value := found.get(name)) is not None
+    ]
+
+
+def overlap_in_diameters(scene: Scene, result: Recorded) -> float | None:
+    """Largest overlap on record in diameters of the smallest bodies [-]; None where none is recorded."""
+    overlap = result.observables.get("overlap")
+    if overlap is None or not len(overlap.time):
+        return None
+    return float(np.max(overlap.value)) / (2 * float(scene.radii().min()))
+
+
+def kept_shape() -> Reference:
+    """The condition that no overlap is larger than grains that keep their shape have."""
+    return Reference(
+        quantity="overlap",
+        value=None,
+        low=None,
+        high=LARGEST_OVERLAP,
+        unit="1",
+        source=f"grains keep their shape; band: {LARGEST_OVERLAP:.0%} of the diameter",
+        kind="closed form",
+        necessary=True,
+    )
 
 
 def sample_at(time: np.ndarray, value: np.ndarray, when: float) -> float | None:

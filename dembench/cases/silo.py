@@ -9,7 +9,7 @@ import numpy as np
 
 from dembench.cases import silo_scores, silo_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Ratio, Recorded, Reference
-from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls
+from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls, needs_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import CaseFigure, Picture
@@ -67,13 +67,9 @@ class Silo(Case):
 
     def check(self, parameters: SiloParameters, preset: Preset, initial: Path | None = None) -> None:
         """See `Case.check`."""
-        if preset not in self.presets:
-            raise CaseError(f"{self.name} has no preset '{preset}'; accepted are {', '.join(self.presets)}")
-        if parameters.walls == "mesh" and initial is None:
-            raise CaseError(
-                f"{self.name}[walls=mesh] needs the published triangles: --initial DIRECTORY with "
-                f"{published('silo')['orifices'][parameters.orifice]['walls']}, or --initial dosta2024"
-            )
+        super().check(parameters, preset, initial)
+        if parameters.walls == "mesh":
+            needs_walls(self.name, _orifice(parameters)["walls"], initial)
 
     def scene(
         self,

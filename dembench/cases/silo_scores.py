@@ -8,12 +8,11 @@ import numpy as np
 
 from dembench.cases.base import Curve, Preset, Quantity, Ratio, Recorded, Reference
 from dembench.cases.publication import cited, published
+from dembench.cases.quantities import kept_shape, overlap_in_diameters, titled
 from dembench.scene import Count, Scene
 
 LEAST = 0.02
 """Share of the grains below which the flow ends: the fit takes no samples there [-]."""
-LARGEST_OVERLAP = 0.05
-"""Overlap of grains in diameters above which a run is no silo of these grains [-]."""
 
 QUANTITIES = {
     "discharge_rate": ("Discharge rate, fit of the count over the window", "1/s"),
@@ -37,15 +36,8 @@ def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
         found |= _flow(scene, time, count)
         found["left"] = float(count[-1]) if time[-1] >= scene.duration * (1 - 1e-9) else None
         found["wall_load"] = _wall_load(scene, result, time, count)
-    overlap = result.observables.get("overlap")
-    if overlap is not None and len(overlap.time):
-        found["overlap"] = float(np.max(overlap.value)) / (2 * float(scene.radii().min()))
-    return [Quantity(name, *_titled(name, value)) for name in QUANTITIES if (value := found.get(name)) is not None]
-
-
-def _titled(name: str, value: float) -> tuple[str, float, str]:
-    title, unit = QUANTITIES[name]
-    return title, value, unit
+    found["overlap"] = overlap_in_diameters(scene, result)
+    return titled(QUANTITIES, found)
 
 
 def window(scene: Scene) -> tuple[float, float]:
@@ -119,16 +111,7 @@ def references(scene: Scene, parameters: Any, preset: Preset) -> list[Reference]
     """What holds for a variant: published numbers where its contacts are the published ones."""
     numbers = published("silo")
     found = [
-        Reference(
-            quantity="overlap",
-            value=None,
-            low=None,
-            high=LARGEST_OVERLAP,
-            unit="1",
-            source=f"grains keep their shape; band: {LARGEST_OVERLAP:.0%} of the diameter",
-            kind="closed form",
-            necessary=True,
-        ),
+        kept_shape(),
         Reference(
             quantity="beverloo_ratio",
             value=1.0,
