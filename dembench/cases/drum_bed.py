@@ -21,10 +21,11 @@ STRETCH = 0.5
 def lacey_index(scene: Scene, position: np.ndarray) -> float:
     """Lacey's index of mixing of the first two species, by volume: 0 apart, 1 mixed at random [-].
 
-    M = (s0^2 - s^2) / (s0^2 - sr^2), with s^2 the variance of the volume fraction over cubic samples, s0^2 = p (1 - p)
-    of separate and sr^2 = p (1 - p) / n of randomly mixed grains, n the mean number of grains of a sample
-    (Lacey 1954, J. Appl. Chem. 4, 257, doi 10.1002/jctb.5010040504). Samples are weighted by their volume; grains of
-    two sizes mix by volume, so that n counts grains of the mean volume.
+    M = (s0^2 - s^2) / (s0^2 - sr^2), with s^2 the variance of the volume fraction over cubic samples, weighted by
+    their volume, s0^2 = p (1 - p) that of separate grains, and sr^2 that of grains mixed at random: p (1 - p) / n for
+    equal grains, n in a sample (Lacey 1954, J. Appl. Chem. 4, 257, doi 10.1002/jctb.5010040504). For grains of
+    volumes v that are drawn one by one into m samples it is m sum(v^2 (c - p)^2) / sum(v)^2 in first order, with c = 1
+    for the first species and 0 for the other.
 
     Args:
         scene: The scene.
@@ -42,10 +43,9 @@ def lacey_index(scene: Scene, position: np.ndarray) -> float:
     total, part = total[used], part[used]
     p = part.sum() / total.sum()
     s2 = float((total * (part / total - p) ** 2).sum() / total.sum())
-    # variance of the volume fraction of one grain drawn at random, spread over the grains of a sample
     kept = used[sample]
     spread = float((volume[kept] ** 2 * ((scene.bodies.species[here][kept] == 0) - p) ** 2).sum())
-    separate, mixed = p * (1 - p), spread / float((total**2).sum()) if len(total) else 0.0
+    separate, mixed = p * (1 - p), len(total) * spread / total.sum() ** 2
     return float((separate - s2) / (separate - mixed))
 
 
