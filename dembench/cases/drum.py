@@ -9,7 +9,7 @@ import numpy as np
 
 from dembench.cases import drum_scores, drum_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
-from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls, needs_walls
+from dembench.cases.initial_states import FACETS, bed, given_coordinates, given_file, given_walls, needs_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.filling import SOFT, TALL, Filling, Layer
@@ -102,7 +102,7 @@ class Drum(Case):
 
     def filling(self, parameters: DrumParameters, preset: Preset) -> Filling:
         """See `Case.filling`."""
-        return filling(preset)
+        return filling(parameters, preset)
 
     def softening(self, parameters: DrumParameters, preset: Preset) -> str:
         """See `Case.softening`."""
@@ -129,15 +129,19 @@ class Drum(Case):
         return drum_views.pictures(scene)
 
 
-def filling(preset: Preset) -> Filling:
-    """How the drum is filled: at rest, M2 first, with the published contacts."""
+def filling(parameters: DrumParameters, preset: Preset) -> Filling:
+    """How the drum is filled: at rest, M2 first, with the published contacts; it clears the published triangles.
+
+    The quick preset has one fill for both kinds of walls.
+    """
     numbers = published("drum")[preset]
     materials, laws = contacts(("M1", "M2"), ContactParameters(), numbers.get("young_factor", 1.0))
+    inset = FACETS if parameters.walls == "mesh" and preset == "published" else 0.0
     return Filling(
         materials=materials,
         pair_laws=laws,
         species=_species(preset),
-        walls=(exact_wall().model_copy(update={"motion": None}),),
+        walls=(exact_wall(inset).model_copy(update={"motion": None}),),
         layers=tuple(Layer(species=name, count=s["count"]) for name, s in numbers["species"].items()),
         protocol=SOFT if preset == "quick" else TALL,
     )
@@ -162,10 +166,10 @@ def _fill(
 ) -> tuple[np.ndarray, str]:
     """Grain centres [m], shape (n, 3), M2 first, and the state's part of the scene's name."""
     if preset == "quick":
-        return bed(Drum.name, filling(preset), progress), "quick"
+        return bed(Drum.name, filling(parameters, preset), progress), "quick"
     path = given_file(initial, "drum", parameters.walls == "mesh")
     if path is None:
-        return bed(None, filling(preset), progress), "filled"
+        return bed(None, filling(parameters, preset), progress), "filled"
     species = published("drum")["published"]["species"].values()
     radii, counts = [s["radius"] for s in species], [s["count"] for s in species]
     coordinates = given_coordinates(lambda: read_coordinates(path, radii))
@@ -176,15 +180,15 @@ def _fill(
     return coordinates.position, "published"
 
 
-def exact_wall() -> Cylinder:
-    """The drum with both end plates, turning as a whole."""
+def exact_wall(inset: float = 0.0) -> Cylinder:
+    """The drum with both end plates, turning as a whole; its radius is less by `inset` [m]."""
     drum = published("drum")["drum"]
     return Cylinder(
         name="drum",
         material="steel",
         start=(0, -drum["half_depth"], 0),
         end=(0, drum["half_depth"], 0),
-        radius=drum["radius"],
+        radius=drum["radius"] - inset,
         closed_start=True,
         closed_end=True,
         motion=Motion(angular_velocity=tuple(drum["angular_velocity"])),

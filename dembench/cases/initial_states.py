@@ -15,6 +15,10 @@ from dembench.initial.published import FILES, Coordinates, find_file
 from dembench.initial.published_walls import read_walls
 from dembench.initial.rows import CoordinatesError
 
+FACETS = 1e-4
+"""Distance by which a fill for published triangles stays inside the round walls, into which facets reach by up to 8e-5
+m: grains against the wall would start 3 % of their radius deep in them [m]."""
+
 
 def bed(
     name: str | None,

@@ -9,7 +9,7 @@ import numpy as np
 
 from dembench.cases import silo_scores, silo_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Ratio, Recorded, Reference
-from dembench.cases.initial_states import bed, given_coordinates, given_file, given_walls, needs_walls
+from dembench.cases.initial_states import FACETS, bed, given_coordinates, given_file, given_walls, needs_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import CaseFigure, Picture
@@ -177,7 +177,10 @@ class Silo(Case):
 
 
 def filling(parameters: SiloParameters, preset: Preset) -> Filling:
-    """How the silo of a variant is filled: on an outlet that is closed at the lip, with the published contacts."""
+    """How the silo of a variant is filled: on an outlet that is closed at the lip, with the published contacts.
+
+    For the published triangles it is filled in round walls that clear them.
+    """
     numbers = published("silo")[preset]
     materials, laws = contacts((parameters.material,), ContactParameters(), numbers.get("young_factor", 1.0))
     lip = _orifice(parameters)["lip"]
@@ -186,7 +189,7 @@ def filling(parameters: SiloParameters, preset: Preset) -> Filling:
         materials=materials,
         pair_laws=laws,
         species=(Species(name="grain", material=parameters.material, radius=numbers["grain_radius"]),),
-        walls=(*exact_walls(parameters.orifice), outlet),
+        walls=(*exact_walls(parameters.orifice, FACETS if parameters.walls == "mesh" else 0.0), outlet),
         layers=(Layer(species="grain", count=numbers["grains"]),),
         protocol=SOFT if preset == "quick" else TALL,
     )
@@ -200,8 +203,8 @@ def _walls(parameters: SiloParameters, initial: Path | None) -> tuple[WallShape,
     return (Mesh(name="silo", material="steel", triangles=given_walls(initial, name)),)
 
 
-def exact_walls(orifice: str) -> tuple[Cylinder, Frustum]:
-    """Barrel and cone with the given orifice, open at the top and at the lip."""
+def exact_walls(orifice: str, inset: float = 0.0) -> tuple[Cylinder, Frustum]:
+    """Barrel and cone with the given orifice, open at the top and at the lip; all radii are less by `inset` [m]."""
     numbers = published("silo")
     own, barrel = numbers["orifices"][orifice], numbers["barrel"]
     lip, edge = own["lip"], own["lip"] + own["cone"]
@@ -211,15 +214,15 @@ def exact_walls(orifice: str) -> tuple[Cylinder, Frustum]:
             material="steel",
             start=(0, 0, edge),
             end=(0, 0, edge + barrel["length"]),
-            radius=barrel["radius"],
+            radius=barrel["radius"] - inset,
         ),
         Frustum(
             name="cone",
             material="steel",
             start=(0, 0, lip),
             end=(0, 0, edge),
-            radius_start=own["radius"],
-            radius_end=barrel["radius"],
+            radius_start=own["radius"] - inset,
+            radius_end=barrel["radius"] - inset,
         ),
     )
 

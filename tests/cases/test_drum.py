@@ -100,6 +100,15 @@ def test_the_mesh_is_the_published_one_and_turns():
     assert wall.motion.angular_velocity == (0, -2, 0)
 
 
+def test_a_fill_for_the_published_triangles_clears_the_middles_of_facets():
+    """A regular polygon of 100 sides about the drum comes as near to its axis as 0.1 m cos(pi/100)."""
+    case, parameters = parse_case("case2[walls=mesh]")
+    (wall,) = case.filling(parameters, "published").walls
+    assert 0.0998 < wall.radius < 0.1 * np.cos(np.pi / 100)
+    (wall,) = case.filling(parameters, "quick").walls
+    assert wall.radius == 0.1  # the bed that ships with the package
+
+
 def test_the_quick_set_up(quick):
     assert quick.material("M1").young == pytest.approx(1e7) and quick.material("M2").young == pytest.approx(5e6)
     volume = quick.radii() ** 3

@@ -11,7 +11,7 @@ from dembench.cases.base import CaseError
 from dembench.cases.registry import parse_case
 from dembench.cases.silo_scores import beverloo_rate
 from dembench.initial.filling import PackingError
-from dembench.scene import Mesh, Region, Scene
+from dembench.scene import Mesh, Region, Scene, check_scene
 from dembench.scoring.score import score, verdict
 
 PUBLISHED = Path(__file__).parents[3] / "shared" / "data" / "dosta2024"
@@ -84,6 +84,27 @@ def test_exact_walls_lie_in_the_published_triangles(unsettled, orifice):
     inner = np.hypot(vertices[:, 0], vertices[:, 1]) < 0.1005
     assert np.count_nonzero(away < 6e-5) >= 300
     assert away[inner & (vertices[:, 2] > exact[1].start[2] + 0.001)].min() < 1e-6
+
+
+def against_the_walls(name, plan, progress, seed=0):
+    """Rings of grains that touch barrel and cone and not one another, shape (n, 3)."""
+    barrel, cone, _ = plan.walls
+    radius, lip, edge = plan.species[0].radius, cone.start[2], cone.end[2]
+    z = np.append(np.arange(lip + 0.003, edge - 0.003, 0.0043), np.arange(edge + 0.003, edge + 0.03, 0.0043))
+    away = np.where(z < edge, cone.radius_start + z - lip - np.sqrt(2) * radius, barrel.radius - radius)
+    rings = []
+    for height, r in zip(z, away, strict=True):
+        angle = np.arange(0, 2 * np.pi - 2.05 * radius / r, 2.05 * radius / r)
+        rings.append(np.stack([r * np.cos(angle), r * np.sin(angle), np.full(len(angle), height)], axis=1))
+    return np.vstack(rings)
+
+
+@needs_files
+@pytest.mark.parametrize("orifice", ["large", "small"])
+def test_a_fill_for_the_published_triangles_fits_between_them(monkeypatch, orifice):
+    """The data set beside the checkout lacks the grains of the silo, so that they are filled in."""
+    monkeypatch.setattr(silo, "bed", against_the_walls)
+    check_scene(scene_of(f"case1[orifice={orifice},walls=mesh]", "published", initial=PUBLISHED))
 
 
 def test_materials_time_steps_and_softening(unsettled):
