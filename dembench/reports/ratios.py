@@ -14,9 +14,10 @@ from dembench.reports.tables import Cell, Column, Table, numbers, significant
 
 @dataclass(frozen=True)
 class Pair:
-    """Two runs whose quantities are divided."""
+    """Two runs whose quantities are divided, and the parameters of the first."""
 
     ratio: Ratio
+    parameters: Any
     over: Member
     under: Member
     value: float
@@ -25,7 +26,7 @@ class Pair:
 def ratios(groups: Sequence[Group]) -> Table | None:
     """One row per ratio and pair of runs that differ in nothing else; None where there is no such pair.
 
-    The published range holds for the published scenes: other presets are shown and not judged.
+    The published range holds for the published scenes: other presets and changed contacts are shown and not judged.
     """
     found = list(_pairs(groups))
     if not found:
@@ -46,7 +47,7 @@ def ratios(groups: Sequence[Group]) -> Table | None:
     rows = []
     for k, pair in enumerate(found):
         spec = pair.over.shown.spec
-        judged = spec.preset == "published"
+        judged = spec.preset == "published" and not pair.parameters.changed()
         within = pair.ratio.low <= pair.value <= pair.ratio.high
         rows.append(
             (
@@ -79,7 +80,7 @@ def _pairs(groups: Sequence[Group]) -> Iterator[Pair]:
                     continue
                 above, below = (_value(m.shown, ratio.quantity) for m in (over, under))
                 if above is not None and below:
-                    yield Pair(ratio, over, under, above / below)
+                    yield Pair(ratio, parameters, over, under, above / below)
 
 
 def _changed(parameters: Any, values: Any) -> Any:

@@ -22,9 +22,11 @@ def few_grains(monkeypatch):
     monkeypatch.setattr(silo, "bed", lambda name, plan, progress, seed=0: position)
 
 
-def run(out: Path, orifice: str, rate: float, engine: str = "alpha", preset: str = "published", **more) -> None:
+def run(
+    out: Path, orifice: str, rate: float, engine: str = "alpha", preset: str = "published", contacts="", **more
+) -> None:
     """A run whose 50 grains leave at `rate` [1/s]."""
-    text = f"case1[orifice={orifice}]"
+    text = f"case1[orifice={orifice}{contacts}]"
     case, parameters = parse_case(text)
     scene = case.scene(parameters, preset)
     made = {}
@@ -63,6 +65,10 @@ def test_only_published_scenes_are_judged(few_grains, tmp_path):
     run(tmp_path / "far", "small", 3.0)
     table = ratios(gather(find_runs(tmp_path / "far")))
     assert table is not None and table.rows[0][7].text == "no"
+    run(tmp_path / "smooth", "large", 12.0, contacts=",friction=0")
+    run(tmp_path / "smooth", "small", 3.0, contacts=",friction=0")
+    table = ratios(gather(find_runs(tmp_path / "smooth")))
+    assert table is not None and table.rows[0][7].text == ""
 
 
 def test_one_variant_alone_has_no_ratio(few_grains, tmp_path):
