@@ -35,6 +35,11 @@ def test_a_contended_time_is_not_the_clean_one() -> None:
     assert sorted((t.low, t.marks) for t in times) == [(61, ""), (1346, "c")]
 
 
+def test_a_precision_that_is_not_on_record_is_not_claimed() -> None:
+    times = published_run_times("case1", SimpleNamespace(orifice="large", material="M1"))
+    assert [(t.low, t.device) for t in times if "TITAN" in t.hardware] == [(1680, "GPU")]
+
+
 def test_a_preset_of_our_own_has_none() -> None:
     case, parameters = parse_case("case3")
     assert len(case.run_times(parameters, "published")) == 6
