@@ -9,7 +9,15 @@ import numpy as np
 
 from dembench.cases import drum_scores, drum_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
-from dembench.cases.initial_states import FACETS, bed, given_coordinates, given_file, given_walls, needs_walls
+from dembench.cases.initial_states import (
+    FACETS,
+    bed,
+    given_coordinates,
+    given_file,
+    given_walls,
+    needs_walls,
+    positions_digest,
+)
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.filling import SOFT, TALL, Filling, Layer
@@ -177,7 +185,8 @@ def _fill(
     if len(coordinates.radius) != len(expected) or (coordinates.radius != expected).any():
         text = ", then ".join(f"{n} of {r:g} m" for r, n in zip(radii, counts, strict=True))
         raise CaseError(f"{path}: these are not the grains of {Drum.name}; accepted are {text}")
-    return coordinates.position, "published"
+    known = positions_digest(coordinates.position) == published("drum")["published"]["positions_sha256"]
+    return coordinates.position, "published" if known else "given"
 
 
 def exact_wall(inset: float = 0.0) -> Cylinder:

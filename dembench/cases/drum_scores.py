@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -101,9 +102,16 @@ def _state(shots: Any, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def references(scene: Scene, parameters: Any, preset: Preset) -> list[Reference]:
-    """What holds for a variant: published numbers where its contacts are the published ones."""
-    numbers = published("drum")
-    return [kept_shape(), *cited(numbers["quick"] if preset == "quick" else numbers, QUANTITIES, parameters)]
+    """What holds for a variant: published numbers where its contacts are the published ones.
+
+    They judge runs from the published state; a bed filled otherwise is denser or looser and only stands beside them.
+    """
+    if preset == "quick":
+        return [kept_shape(), *cited(published("drum")["quick"], QUANTITIES, parameters)]
+    found = cited(published("drum"), QUANTITIES, parameters)
+    if not scene.name.endswith("_published"):
+        found = [replace(r, low=None, high=None) for r in found]
+    return [kept_shape(), *found]
 
 
 def curves(scene: Scene, parameters: Any, preset: Preset) -> list[Curve]:

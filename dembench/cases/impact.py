@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import ClassVar, Literal
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from dembench.cases import impact_scores, impact_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
-from dembench.cases.initial_states import bed, given_coordinates, given_file
+from dembench.cases.initial_states import bed, given_coordinates, given_file, positions_digest
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published
 from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import Picture
@@ -175,11 +174,6 @@ def _half_bed(parameters: ImpactParameters, initial: Path) -> np.ndarray | None:
     numbers = published("impact")
     radii, ball = [numbers["published"]["grain_radius"]], numbers["ball"]["radius"]
     return given_coordinates(lambda: read_coordinates(path, radii, ball)).position
-
-
-def positions_digest(position: np.ndarray) -> str:
-    """SHA-256 of centres [m], shape (n, 3), as little-endian float64 in C order: by it a published bed is known."""
-    return hashlib.sha256(np.ascontiguousarray(position, dtype="<f8").tobytes()).hexdigest()
 
 
 def _scene(name: str, grains: np.ndarray, parameters: ImpactParameters, preset: Preset) -> Scene:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -95,3 +96,8 @@ def given_walls(initial: Path, name: str) -> np.ndarray:
         return read_walls(find_file(initial, name), name)
     except CoordinatesError as error:
         raise CaseError(str(error)) from None
+
+
+def positions_digest(position: np.ndarray) -> str:
+    """SHA-256 of centres [m], shape (n, 3), as little-endian float64 in C order: by it a published bed is known."""
+    return hashlib.sha256(np.ascontiguousarray(position, dtype="<f8").tobytes()).hexdigest()

@@ -67,6 +67,7 @@ def test_the_published_set_up():
     case, parameters = parse_case("case2")
     scene = case.scene(parameters, "published", PUBLISHED)
     assert (len(scene.bodies), scene.time_step, scene.duration) == (38_000, 8e-7, 5.0)
+    assert scene.name == "case2_published"
     names = [scene.species[k].name for k in scene.bodies.species]
     assert (names.count("M2"), names.count("M1"), names[0]) == (8_000, 30_000, "M2")
     assert (set(scene.radii()[:8000]), set(scene.radii()[8000:])) == ({0.002}, {0.001})
@@ -148,10 +149,19 @@ def test_a_curve_like_the_reference_is_ok(quick):
 )
 def test_a_low_or_a_late_curve_is_inaccurate(quick, change, wrong):
     case, parameters = parse_case("case2")
-    scene = quick.model_copy(update={"duration": 5.0, "bodies": _many(quick)})
+    scene = quick.model_copy(update={"duration": 5.0, "bodies": _many(quick), "name": "case2_published"})
     scores = score(case, scene, zones(scene, change), parameters, "published")
     assert {s.quantity.name for s in scores if s.within is False} >= wrong
     assert verdict(scores) == ("inaccurate" if wrong else "ok")
+
+
+def test_a_bed_of_ones_own_stands_beside_the_published_numbers_unjudged(quick):
+    case, parameters = parse_case("case2")
+    scene = quick.model_copy(update={"duration": 5.0, "bodies": _many(quick), "name": "case2_filled"})
+    scores = score(case, scene, zones(scene, lambda t: 0.7 * like_the_reference(t)), parameters, "published")
+    peak = next(s for s in scores if s.quantity.name == "first_peak")
+    assert peak.reference is not None and peak.error < -5_000 and peak.within is None
+    assert verdict(scores) == "unscored"
 
 
 def _many(scene):

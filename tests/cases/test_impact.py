@@ -9,6 +9,7 @@ from records import Record, Seen
 from dembench.cases import impact
 from dembench.cases.base import CaseError
 from dembench.cases.impact_scores import first_contact, free_fall_end
+from dembench.cases.initial_states import positions_digest
 from dembench.cases.registry import case, parse_case
 from dembench.initial.filling import Filling
 from dembench.scene import check_scene, features
@@ -88,7 +89,7 @@ def scored(scene, result, preset="published", text="case3"):
 @pytest.fixture
 def published_scene(given, monkeypatch):
     """The published scene on a bed that passes for the published one."""
-    digest = impact.positions_digest(loose_bed(25000, 0.001))
+    digest = positions_digest(loose_bed(25000, 0.001))
     numbers = {**impact.published("impact")}
     numbers["beds"] = {**numbers["beds"], "25k": {**numbers["beds"]["25k"], "positions_sha256": digest}}
     monkeypatch.setattr(impact, "published", lambda name: numbers)
