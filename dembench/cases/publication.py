@@ -5,13 +5,14 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from dembench.cases.base import Reference
 from dembench.scene import Material, PairLaw
-from dembench.scene.base import Model, NotNegative, Positive
+from dembench.scene.base import Model, NotNegative
 from dembench.share import share
 
 SOURCE = "Dosta et al. 2024, Comput. Phys. Commun. 296, 109066, doi 10.1016/j.cpc.2023.109066"
@@ -36,7 +37,7 @@ class ContactParameters(Model):
     Attributes:
         friction: Friction of all pairs of grains [-].
         wall_friction: Friction of all pairs of grain and wall [-].
-        restitution: Restitution of all pairs [-].
+        restitution: Restitution of all pairs [-], above 0, at most 1.
         pairs: `table`: each pair of materials has its law; `global`: all have that of the first grains.
         jitter: Largest random displacement [m] of a grain per axis, for seeds above 0; seed 0 is the initial state as
             it is.
@@ -44,7 +45,7 @@ class ContactParameters(Model):
 
     friction: NotNegative | None = None
     wall_friction: NotNegative | None = None
-    restitution: Positive | None = None
+    restitution: Annotated[float, Field(gt=0, le=1)] | None = None
     pairs: Literal["table", "global"] = "table"
     jitter: NotNegative = 1e-6
 

@@ -26,7 +26,7 @@ ABOVE_CONE = 0.05
 
 
 def figures(scene: Scene) -> list[CaseFigure]:
-    """Figures of a silo."""
+    """Figures of a silo; those of the snapshot only where the scene lasts until it."""
     walls = [o for o in scene.observables if isinstance(o, WallForce)]
     found = [
         CaseFigure(
@@ -51,7 +51,10 @@ def figures(scene: Scene) -> list[CaseFigure]:
                 replaces=tuple(o.name for o in walls),
             )
         )
-    when = f"{_time(scene):g} s"
+    time = _time(scene)
+    if time is None:
+        return found
+    when = f"{time:g} s"
     found += [
         CaseFigure(
             name="velocities",
@@ -83,17 +86,20 @@ def figures(scene: Scene) -> list[CaseFigure]:
 
 
 def pictures(scene: Scene) -> list[Picture]:
-    """The silo cut open at the snapshot."""
+    """The silo cut open at the snapshot; none of a scene that ends before it."""
+    time = _time(scene)
+    if time is None:
+        return []
     own, radius = silo_scores.orifice_of(scene), float(scene.radii().max())
     top = float(scene.bodies.position[:, 2].max()) + 3 * radius
     half = float(np.abs(scene.bodies.position[:, :2]).max()) + 3 * radius
     return [
         Picture(
             name="cut-open",
-            title=f"The silo cut open at {_time(scene):g} s",
+            title=f"The silo cut open at {time:g} s",
             caption="Grains behind the plane through the axis.",
             snapshot=SNAPSHOT,
-            times=(_time(scene),),
+            times=(time,),
             x=(-half, half),
             z=(own["lip"] - 0.02, top),
             cut=0.0,
@@ -115,8 +121,10 @@ def published_results(orifice: str, material: str) -> list[PublishedResult]:
     return found
 
 
-def _time(scene: Scene) -> float:
-    return next(o.times[0] for o in scene.observables if isinstance(o, Snapshot) and o.name == SNAPSHOT)
+def _time(scene: Scene) -> float | None:
+    """Time of the snapshot [s]; None for a scene that ends before it."""
+    times = (o.times[0] for o in scene.observables if isinstance(o, Snapshot) and o.name == SNAPSHOT)
+    return next(times, None)
 
 
 # ---- over time

@@ -196,6 +196,21 @@ def test_the_load_on_the_walls_is_a_share_of_the_weight(unsettled):
     assert found["wall_load"] == pytest.approx(0.75)
 
 
+def test_a_scene_that_ends_before_the_snapshot_shows_what_is_recorded():
+    case, parameters = parse_case("case1")
+    whole = case.scene(parameters, "quick")
+    cut = whole.cut(0.1)
+    assert [f.name for f in case.figures(whole)] == ["discharge", "wall-force", "velocities", "profile"]
+    assert [f.name for f in case.figures(cut)] == ["discharge", "wall-force"]
+    assert case.pictures(whole) and not case.pictures(cut)
+
+
+@pytest.mark.parametrize("value", ["0", "2"])
+def test_a_restitution_outside_its_range_is_refused(value):
+    with pytest.raises(CaseError, match=rf"case1\[restitution\]: .*given: '{value}'"):
+        parse_case(f"case1[restitution={value}]")
+
+
 def test_what_does_not_fit_is_refused(unsettled, tmp_path, monkeypatch):
     with pytest.raises(CaseError, match=r"case1\[walls=mesh\] needs the published triangles"):
         scene_of("case1[walls=mesh]", "published")
