@@ -12,10 +12,10 @@ from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Record
 from dembench.cases.initial_states import (
     FACETS,
     bed,
+    check_walls,
     given_coordinates,
     given_file,
     given_walls,
-    needs_walls,
     positions_digest,
 )
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
@@ -68,8 +68,7 @@ class Drum(Case):
     def check(self, parameters: DrumParameters, preset: Preset, initial: Path | None = None) -> None:
         """See `Case.check`."""
         super().check(parameters, preset, initial)
-        if parameters.walls == "mesh":
-            needs_walls(self.name, published("drum")["published"]["walls"], initial)
+        check_walls(self.name, parameters.walls, published("drum")["published"]["walls"], preset, initial)
 
     def scene(
         self,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dembench.cases.base import CaseError
+from dembench.cases.base import CaseError, Preset
 from dembench.initial.beds import shipped
 from dembench.initial.filling import Filling, PackingError, filled
 from dembench.initial.progress import Progress
@@ -77,11 +77,27 @@ def given_coordinates(read: Callable[[], Coordinates]) -> Coordinates:
         raise CaseError(str(error)) from None
 
 
-def needs_walls(case: str, file: str, initial: Path | None) -> None:
-    """Raises CaseError where a case with published triangles as walls is not given where they are."""
-    if initial is None:
+def check_walls(case: str, walls: str, file: str, preset: Preset, initial: Path | None) -> None:
+    """Checks what is given against the walls of a case that can have published triangles.
+
+    Args:
+        case: Name of the case.
+        walls: `exact` or `mesh`.
+        file: Name of the file with the triangles.
+        preset: Preset; `quick` has an initial state of its own.
+        initial: What is given.
+
+    Raises:
+        CaseError: The triangles are missing, or something is given that nothing would be taken from.
+    """
+    if walls == "mesh" and initial is None:
         raise CaseError(
             f"{case}[walls=mesh] needs the published triangles: --initial DIRECTORY with {file}, or --initial dosta2024"
+        )
+    if walls == "exact" and preset == "quick" and initial is not None:
+        raise CaseError(
+            f"{case}: initial {initial}: the quick preset has an initial state of its own; leave it out, or take the "
+            "preset published"
         )
 
 

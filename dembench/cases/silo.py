@@ -9,7 +9,7 @@ import numpy as np
 
 from dembench.cases import silo_scores, silo_views
 from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Ratio, Recorded, Reference
-from dembench.cases.initial_states import FACETS, bed, given_coordinates, given_file, given_walls, needs_walls
+from dembench.cases.initial_states import FACETS, bed, check_walls, given_coordinates, given_file, given_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import CaseFigure, Picture
@@ -68,8 +68,7 @@ class Silo(Case):
     def check(self, parameters: SiloParameters, preset: Preset, initial: Path | None = None) -> None:
         """See `Case.check`."""
         super().check(parameters, preset, initial)
-        if parameters.walls == "mesh":
-            needs_walls(self.name, _orifice(parameters)["walls"], initial)
+        check_walls(self.name, parameters.walls, _orifice(parameters)["walls"], preset, initial)
 
     def scene(
         self,

@@ -214,6 +214,8 @@ def test_a_restitution_outside_its_range_is_refused(value):
 def test_what_does_not_fit_is_refused(unsettled, tmp_path, monkeypatch):
     with pytest.raises(CaseError, match=r"case1\[walls=mesh\] needs the published triangles"):
         scene_of("case1[walls=mesh]", "published")
+    with pytest.raises(CaseError, match="the quick preset has an initial state of its own; leave it out"):
+        scene_of("case1", "quick", initial=tmp_path)
     with pytest.raises(CaseError, match="no file of the large silo walls"):
         scene_of("case1[walls=mesh]", "quick", initial=tmp_path)
     with pytest.raises(CaseError, match="no file of the silo large M1"):
