@@ -144,7 +144,8 @@ def _rate(scene: Scene, result: Any) -> list[Trace]:
     found = [Trace(middle, -np.diff(inside.value) / np.diff(inside.time) / 1e3)]
     rates = [q.value for q in silo_scores.quantities(scene, result) if q.name == "discharge_rate"]
     if rates:
-        window = np.array(silo_scores.window(scene))
+        low, high = silo_scores.window(scene)
+        window = np.array([low, min(high, float(inside.time[-1]))])
         found.append(Trace(window, np.full(2, rates[0] / 1e3), "fit"))
     return found
 
