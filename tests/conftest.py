@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
 from dembench.engines.base import Frame, Tracks
@@ -117,6 +122,39 @@ def standin(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., None]]:
 
     yield behave
     registry.engine.cache_clear()
+
+
+@pytest.fixture
+def start_run(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts `dembench run` on a scene file as a process; `modes` says what each stand-in engine does."""
+    root = Path(__file__).parents[1]
+    started = []
+
+    def start(scene: str, *options: str, modes: dict[str, list[Any]] | None = None) -> subprocess.Popen[str]:
+        program = [sys.executable, root / "tests" / "standin.py", "run", scene]
+        child = subprocess.Popen(
+            [*program, "--no-report", "--checkpoint", "0.2", *options],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": str(root), "STANDIN": json.dumps(modes or {})},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        started.append(child)
+        return child
+
+    yield start
+    for child in started:
+        child.kill()
+        child.communicate()
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended."""
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
 
 
 def wait_for(condition: Callable[[], Any], seconds: float = 30.0) -> Any:

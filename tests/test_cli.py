@@ -5,23 +5,17 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import jsonschema
-import psutil
 import pytest
-from conftest import wait_for
+from conftest import gone, wait_for
 from typer.testing import CliRunner
 
 from dembench.cli import app
 from dembench.results import read, validate
 from dembench.runs.directory import find_runs
 from dembench.scene import Overlap, save_scene
-
-STANDIN = Path(__file__).with_name("standin.py")
-ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
@@ -249,25 +243,8 @@ def test_an_empty_directory_has_no_report(command):
 
 
 @pytest.fixture
-def process(scene_file, tmp_path):
-    started = []
-
-    def start(modes, *arguments):
-        child = subprocess.Popen(
-            [sys.executable, STANDIN, "run", scene_file, "--no-report", "--checkpoint", "0.2", *arguments],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "STANDIN": json.dumps(modes)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        started.append(child)
-        return child
-
-    yield start
-    for child in started:
-        child.kill()
-        child.communicate()
+def process(start_run, scene_file):
+    return lambda modes, *options: start_run(scene_file, *options, modes=modes)
 
 
 def _record(out, engine):
@@ -284,13 +261,6 @@ def _pids(out, engine):
     return [int(pid) for pid in path.read_text().split()]
 
 
-def _gone(pid):
-    try:
-        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return True
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_command_leaves_readable_partial_results(process, tmp_path, number):
     out = tmp_path / "runs"
@@ -304,7 +274,7 @@ def test_an_interrupted_command_leaves_readable_partial_results(process, tmp_pat
     assert record.status.state == "interrupted"
     assert _rows(out, "standin") == 5 and validate(record.directory / "result.h5") == []
     assert _record(out, "standin-coarse") is None, "the run that waited was not started"
-    assert all(_gone(pid) for pid in pids)
+    assert all(gone(pid) for pid in pids)
 
 
 def test_a_killed_command_takes_its_engine_along_and_a_second_one_completes_the_missing_run(process, tmp_path):
@@ -316,7 +286,7 @@ def test_a_killed_command_takes_its_engine_along_and_a_second_one_completes_the_
     child.kill()
     child.wait()
     for pid in pids:
-        wait_for(lambda pid=pid: _gone(pid))
+        wait_for(lambda pid=pid: gone(pid))
     record = _record(out, "standin")
     assert record.status.state == "interrupted" and "standin starts" in record.status.log_tail
     assert validate(record.directory / "result.h5") == []

@@ -81,7 +81,7 @@ class Drum(Case):
         """See `Case.scene`. M2 comes first; every seed starts from the same fill, moved at random by the jitter."""
         self.check(parameters, preset, initial)
         numbers, drum = published("drum")[preset], published("drum")["drum"]
-        fill, state = _fill(parameters, preset, initial, progress)
+        fill, state = self._fill(parameters, preset, initial, progress)
         position = moved(fill, seed, parameters.jitter)
         materials, laws = contacts(("M1", "M2"), parameters, numbers.get("young_factor", 1.0))
         counts = [s["count"] for s in numbers["species"].values()]
@@ -107,9 +107,42 @@ class Drum(Case):
             ),
         )
 
+    def _fill(
+        self, parameters: DrumParameters, preset: Preset, initial: Path | None, progress: Progress | None
+    ) -> tuple[np.ndarray, str]:
+        """Grain centres [m], shape (n, 3), M2 first, and the state's part of the scene's name."""
+        plan = self.filling(parameters, preset)
+        if preset == "quick":
+            return bed(self.bed_name(parameters), plan, progress), "quick"
+        path = given_file(initial, "drum", parameters.walls == "mesh")
+        if path is None:
+            return bed(None, plan, progress), "filled"
+        species = published("drum")["published"]["species"].values()
+        radii, counts = [s["radius"] for s in species], [s["count"] for s in species]
+        coordinates = given_coordinates(lambda: read_coordinates(path, radii))
+        expected = np.repeat(radii, counts)
+        if len(coordinates.radius) != len(expected) or (coordinates.radius != expected).any():
+            text = ", then ".join(f"{n} of {r:g} m" for r, n in zip(radii, counts, strict=True))
+            raise CaseError(f"{path}: these are not the grains of {self.name}; accepted are {text}")
+        known = positions_digest(coordinates.position) == published("drum")["published"]["positions_sha256"]
+        return coordinates.position, "published" if known else "given"
+
     def filling(self, parameters: DrumParameters, preset: Preset) -> Filling:
-        """See `Case.filling`."""
-        return filling(parameters, preset)
+        """How the drum is filled: at rest, M2 first, with the published contacts; it clears the published triangles.
+
+        The quick preset has one fill for both kinds of walls.
+        """
+        numbers = published("drum")[preset]
+        materials, laws = contacts(("M1", "M2"), ContactParameters(), numbers.get("young_factor", 1.0))
+        inset = FACETS if parameters.walls == "mesh" and preset == "published" else 0.0
+        return Filling(
+            materials=materials,
+            pair_laws=laws,
+            species=_species(preset),
+            walls=(exact_wall(inset).model_copy(update={"motion": None}),),
+            layers=tuple(Layer(species=name, count=s["count"]) for name, s in numbers["species"].items()),
+            protocol=SOFT if preset == "quick" else TALL,
+        )
 
     def softening(self, parameters: DrumParameters, preset: Preset) -> str:
         """See `Case.softening`."""
@@ -136,24 +169,6 @@ class Drum(Case):
         return drum_views.pictures(scene)
 
 
-def filling(parameters: DrumParameters, preset: Preset) -> Filling:
-    """How the drum is filled: at rest, M2 first, with the published contacts; it clears the published triangles.
-
-    The quick preset has one fill for both kinds of walls.
-    """
-    numbers = published("drum")[preset]
-    materials, laws = contacts(("M1", "M2"), ContactParameters(), numbers.get("young_factor", 1.0))
-    inset = FACETS if parameters.walls == "mesh" and preset == "published" else 0.0
-    return Filling(
-        materials=materials,
-        pair_laws=laws,
-        species=_species(preset),
-        walls=(exact_wall(inset).model_copy(update={"motion": None}),),
-        layers=tuple(Layer(species=name, count=s["count"]) for name, s in numbers["species"].items()),
-        protocol=SOFT if preset == "quick" else TALL,
-    )
-
-
 def _species(preset: Preset) -> tuple[Species, ...]:
     found = published("drum")[preset]["species"]
     return tuple(Species(name=name, material=name, radius=s["radius"]) for name, s in found.items())
@@ -166,26 +181,6 @@ def _wall(parameters: DrumParameters, initial: Path | None) -> WallShape:
     assert initial is not None, "checked before"
     triangles = given_walls(initial, "drum walls")
     return Mesh(name=wall.name, material=wall.material, motion=wall.motion, triangles=triangles)
-
-
-def _fill(
-    parameters: DrumParameters, preset: Preset, initial: Path | None, progress: Progress | None
-) -> tuple[np.ndarray, str]:
-    """Grain centres [m], shape (n, 3), M2 first, and the state's part of the scene's name."""
-    if preset == "quick":
-        return bed(Drum.name, filling(parameters, preset), progress), "quick"
-    path = given_file(initial, "drum", parameters.walls == "mesh")
-    if path is None:
-        return bed(None, filling(parameters, preset), progress), "filled"
-    species = published("drum")["published"]["species"].values()
-    radii, counts = [s["radius"] for s in species], [s["count"] for s in species]
-    coordinates = given_coordinates(lambda: read_coordinates(path, radii))
-    expected = np.repeat(radii, counts)
-    if len(coordinates.radius) != len(expected) or (coordinates.radius != expected).any():
-        text = ", then ".join(f"{n} of {r:g} m" for r, n in zip(radii, counts, strict=True))
-        raise CaseError(f"{path}: these are not the grains of {Drum.name}; accepted are {text}")
-    known = positions_digest(coordinates.position) == published("drum")["published"]["positions_sha256"]
-    return coordinates.position, "published" if known else "given"
 
 
 def exact_wall(inset: float = 0.0) -> Cylinder:

@@ -82,10 +82,9 @@ def _swings(found: list[Extremum]) -> dict[str, float]:
 
 def _bed(scene: Scene, shots: Any) -> dict[str, float]:
     """What snapshots tell of mixture, surface and wall layer."""
-    lacey = [drum_bed.lacey_index(scene, position) for position in shots.position]
-    values = {"lacey_start": lacey[0]}
+    values = {"lacey_start": drum_bed.lacey_index(scene, shots.position[0])}
     if shots.time[-1] >= scene.duration * (1 - 1e-9):
-        values["lacey_end"] = lacey[-1]
+        values["lacey_end"] = drum_bed.lacey_index(scene, shots.position[-1])
     steady = np.flatnonzero(np.asarray(shots.time) >= STEADY - 1e-9)
     if len(steady):
         values["surface_angle"] = float(np.mean([drum_bed.surface_angle(scene, shots.position[k]) for k in steady]))

@@ -88,13 +88,15 @@ class Impact(Case):
     ) -> Scene:
         """See `Case.scene`. The ball is the last body."""
         self.check(parameters, preset, initial)
+        plan = self.filling(parameters, preset)
         if preset == "quick":
-            grains, state = bed(self.name if seed == 0 else None, filling(None), progress, seed), "quick"
+            shipped = self.bed_name(parameters) if seed == 0 else None
+            grains, state = bed(shipped, plan, progress, seed), "quick"
         elif initial is None:
-            grains, state = bed(None, filling(parameters.bed), progress, seed), f"{parameters.bed}_generated"
+            grains, state = bed(None, plan, progress, seed), f"{parameters.bed}_generated"
         elif (half := _half_bed(parameters, initial)) is not None:
             start = stacked(half, published("impact")["published"]["grain_radius"])
-            plan = filling(parameters.bed).model_copy(update={"protocol": STACKED, **STACK})
+            plan = plan.model_copy(update={"protocol": STACKED, **STACK})
             grains, state = bed(None, plan, progress, start=start), f"{parameters.bed}_stacked"
             grains = moved(grains, seed, parameters.jitter)
         else:
@@ -102,8 +104,20 @@ class Impact(Case):
         return _scene(f"{self.name}_{state}", grains, parameters, preset)
 
     def filling(self, parameters: ImpactParameters, preset: Preset) -> Filling:
-        """See `Case.filling`."""
-        return filling(parameters.bed if preset == "published" else None)
+        """How a bed is made, and what it should come out as."""
+        materials, laws = contacts(("M1",), ContactParameters())
+        numbers = published("impact")["beds"][parameters.bed] if preset == "published" else None
+        radius = published("impact")["published"]["grain_radius"] if numbers else QUICK_GRAIN_RADIUS
+        return Filling(
+            materials=materials,
+            pair_laws=laws,
+            species=(Species(name="grain", material=materials[0].name, radius=radius),),
+            walls=(_box(),),
+            layers=(Layer(species="grain", count=numbers["grains"] if numbers else QUICK_GRAINS),),
+            height=numbers["height"] if numbers else None,
+            bulk_fraction=numbers["fraction"] if numbers else None,
+            protocol=LOOSE if numbers and numbers["loose"] else Protocol(),
+        )
 
     def quantities(self, scene: Scene, result: Recorded) -> list[Quantity]:
         """See `Case.quantities`."""
@@ -132,36 +146,15 @@ def _box() -> Box:
     return Box(name="box", material="steel", open_faces=("z+",), **published("impact")["box"])
 
 
-def filling(size: str | None) -> Filling:
-    """How a bed is made, and what it should come out as; None is the quick bed."""
-    materials, laws = contacts(("M1",), ContactParameters())
-    numbers = published("impact")["beds"][size] if size else None
-    radius = published("impact")["published"]["grain_radius"] if numbers else QUICK_GRAIN_RADIUS
-    return Filling(
-        materials=materials,
-        pair_laws=laws,
-        species=(Species(name="grain", material=materials[0].name, radius=radius),),
-        walls=(_box(),),
-        layers=(Layer(species="grain", count=numbers["grains"] if numbers else QUICK_GRAINS),),
-        height=numbers["height"] if numbers else None,
-        bulk_fraction=numbers["fraction"] if numbers else None,
-        protocol=LOOSE if numbers and numbers["loose"] else Protocol(),
-    )
-
-
 def _given_bed(parameters: ImpactParameters, initial: Path, seed: int) -> tuple[np.ndarray, str]:
     """Grain centres of a given file [m], shape (n, 3), and the state's part of the scene's name."""
-    numbers = published("impact")
     path = given_file(initial, f"impact {parameters.bed}")
     assert path is not None, "a file is given"
-    radii, ball, count = [numbers["published"]["grain_radius"]], numbers["ball"]["radius"], numbers["beds"]
-    coordinates = given_coordinates(lambda: read_coordinates(path, radii, ball))
-    expected = count[parameters.bed]["grains"]
-    if len(coordinates.position) != expected:
-        raise CaseError(f"{path}: {len(coordinates.position)} grains; case3[bed={parameters.bed}] has {expected}")
-    known = positions_digest(coordinates.position) == count[parameters.bed].get("positions_sha256")
-    position = moved(coordinates.position, seed, parameters.jitter)
-    return position, f"{parameters.bed}_{'published' if known else 'given'}"
+    found, numbers = _read_bed(path), published("impact")["beds"][parameters.bed]
+    if len(found) != numbers["grains"]:
+        raise CaseError(f"{path}: {len(found)} grains; case3[bed={parameters.bed}] has {numbers['grains']}")
+    known = positions_digest(found) == numbers.get("positions_sha256")
+    return moved(found, seed, parameters.jitter), f"{parameters.bed}_{'published' if known else 'given'}"
 
 
 def _half_bed(parameters: ImpactParameters, initial: Path) -> np.ndarray | None:
@@ -169,8 +162,11 @@ def _half_bed(parameters: ImpactParameters, initial: Path) -> np.ndarray | None:
     if parameters.bed != "100k" or given_file(initial, "impact 100k", optional=True) is not None:
         return None
     path = given_file(initial, "impact 50k", optional=True)
-    if path is None:
-        return None
+    return None if path is None else _read_bed(path)
+
+
+def _read_bed(path: Path) -> np.ndarray:
+    """Grain centres of a bed's file [m], shape (n, 3), without the ball."""
     numbers = published("impact")
     radii, ball = [numbers["published"]["grain_radius"]], numbers["ball"]["radius"]
     return given_coordinates(lambda: read_coordinates(path, radii, ball)).position

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dembench.cases.base import Curve, Quantity, Recorded, Reference
+from dembench.cases.publication import stated
 from dembench.cases.quantities import lowest, sample_at, titled
 from dembench.scene import Box, Scene
 
@@ -123,19 +124,11 @@ def references(scene: Scene, published: Mapping[str, Any], bed: str | None) -> l
         return found
     if bed == "25k":
         found.append(_deepest_25k(published))
-    for entry in published["references"]:
-        if _applies(entry, scene, bed) and _same_end(entry["quantity"], scene, published):
-            found.append(
-                Reference(
-                    quantity=entry["quantity"],
-                    value=entry["value"],
-                    low=entry.get("low"),
-                    high=entry.get("high"),
-                    unit=QUANTITIES[entry["quantity"]][1],
-                    source=f"{entry['source']}; doi {published['doi']}",
-                    kind=entry["kind"],
-                )
-            )
+    found += [
+        stated(entry, QUANTITIES)
+        for entry in published["references"]
+        if _applies(entry, scene, bed) and _same_end(entry["quantity"], scene, published)
+    ]
     return found
 
 

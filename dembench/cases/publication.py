@@ -101,18 +101,28 @@ def cited(
     if parameters.changed():
         return []
     return [
-        Reference(
-            quantity=entry["quantity"],
-            value=entry["value"],
-            low=entry.get("low"),
-            high=entry.get("high"),
-            unit=quantities[entry["quantity"]][1],
-            source=entry["source"] if entry["kind"] == "ensemble" else f"{entry['source']}; doi {common()['doi']}",
-            kind=entry["kind"],
-        )
+        stated(entry, quantities)
         for entry in numbers.get("references", [])
         if all(entry.get(key, getattr(parameters, key)) == getattr(parameters, key) for key in keys)
     ]
+
+
+def stated(entry: Mapping[str, Any], quantities: Mapping[str, tuple[str, str]]) -> Reference:
+    """A reference that `data/published/` states; what is published names the publication.
+
+    Args:
+        entry: Its fields there.
+        quantities: Title and unit by name of quantity.
+    """
+    return Reference(
+        quantity=entry["quantity"],
+        value=entry["value"],
+        low=entry.get("low"),
+        high=entry.get("high"),
+        unit=quantities[entry["quantity"]][1],
+        source=entry["source"] if entry["kind"] == "ensemble" else f"{entry['source']}; doi {common()['doi']}",
+        kind=entry["kind"],
+    )
 
 
 def moved(position: np.ndarray, seed: int, jitter: float) -> np.ndarray:

@@ -131,8 +131,24 @@ class Silo(Case):
         return coordinates.position, "published"
 
     def filling(self, parameters: SiloParameters, preset: Preset) -> Filling:
-        """See `Case.filling`; the quick preset has one fill for both materials."""
-        return filling(SiloParameters(orifice=parameters.orifice) if preset == "quick" else parameters, preset)
+        """How the silo is filled: on an outlet that is closed at the lip, with the published contacts.
+
+        For the published triangles it is filled in round walls that clear them. The quick preset has one fill for
+        both materials and both kinds of walls.
+        """
+        numbers, orifice = published("silo")[preset], _orifice(parameters)
+        material = "M1" if preset == "quick" else parameters.material
+        inset = FACETS if parameters.walls == "mesh" and preset == "published" else 0.0
+        materials, laws = contacts((material,), ContactParameters(), numbers.get("young_factor", 1.0))
+        outlet = Plane(name="outlet", material="steel", point=(0, 0, orifice["lip"]), normal=(0, 0, 1))
+        return Filling(
+            materials=materials,
+            pair_laws=laws,
+            species=(Species(name="grain", material=material, radius=numbers["grain_radius"]),),
+            walls=(*exact_walls(parameters.orifice, inset), outlet),
+            layers=(Layer(species="grain", count=numbers["grains"]),),
+            protocol=SOFT if preset == "quick" else TALL,
+        )
 
     def bed_name(self, parameters: SiloParameters) -> str:
         """See `Case.bed_name`."""
@@ -173,25 +189,6 @@ class Silo(Case):
             if preset == "quick" or parameters.changed()
             else silo_views.published_results(parameters.orifice, parameters.material)
         )
-
-
-def filling(parameters: SiloParameters, preset: Preset) -> Filling:
-    """How the silo of a variant is filled: on an outlet that is closed at the lip, with the published contacts.
-
-    For the published triangles it is filled in round walls that clear them.
-    """
-    numbers = published("silo")[preset]
-    materials, laws = contacts((parameters.material,), ContactParameters(), numbers.get("young_factor", 1.0))
-    lip = _orifice(parameters)["lip"]
-    outlet = Plane(name="outlet", material="steel", point=(0, 0, lip), normal=(0, 0, 1))
-    return Filling(
-        materials=materials,
-        pair_laws=laws,
-        species=(Species(name="grain", material=parameters.material, radius=numbers["grain_radius"]),),
-        walls=(*exact_walls(parameters.orifice, FACETS if parameters.walls == "mesh" else 0.0), outlet),
-        layers=(Layer(species="grain", count=numbers["grains"]),),
-        protocol=SOFT if preset == "quick" else TALL,
-    )
 
 
 def _walls(parameters: SiloParameters, initial: Path | None) -> tuple[WallShape, ...]:

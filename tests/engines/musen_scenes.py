@@ -4,22 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from parts import DRUM, GLASS, PAIRS, STEEL, TURNING
+
 from dembench.scene import Scene, scene_from
 
-GLASS = {"name": "glass", "density": 2500, "young": 1e7, "poisson": 0.2}
-STEEL = {"name": "steel", "density": 7200, "young": 2.1e11, "poisson": 0.2}
 FLOOR = {"kind": "plane", "name": "floor", "material": "steel", "point": (0, 0, 0), "normal": (0, 0, 1)}
 BOX = {"kind": "box", "name": "box", "material": "steel", "lower": (-0.01,) * 3, "upper": (0.01,) * 3}
-DRUM = {
-    "kind": "cylinder",
-    "name": "drum",
-    "material": "steel",
-    "start": (0, -0.012, 0),
-    "end": (0, 0.012, 0),
-    "radius": 0.018,
-    "closed_start": True,
-    "closed_end": True,
-}
 CONE = {
     "kind": "frustum",
     "name": "cone",
@@ -29,7 +19,6 @@ CONE = {
     "radius_start": 0.004,
     "radius_end": 0.012,
 }
-TURNING = {"angular_velocity": (0, -2, 0)}
 SINK = {"name": "outlet", "region": {"upper": (None, None, -0.02)}}
 
 
@@ -38,10 +27,7 @@ def scene(**changes: Any) -> Scene:
     fields: dict[str, Any] = {
         "name": "deck",
         "materials": (GLASS, STEEL),
-        "pair_laws": (
-            {"a": "glass", "b": "glass", "restitution": 0.5, "friction": 0.3},
-            {"a": "steel", "b": "glass", "restitution": 0.4, "friction": 0.2},
-        ),
+        "pair_laws": PAIRS,
         "species": ({"name": "grain", "material": "glass", "radius": 0.001},),
         "bodies": {"position": [[-0.0015, 0, 0.002], [0.0015, 0, 0.002]]},
         "domain": {"lower": (-0.03,) * 3, "upper": (0.03,) * 3},

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from launching import installed, run
+from parts import GLASS, PAIRS, STEEL
 
 from dembench.engines.liggghts import Liggghts
 from dembench.engines.liggghts_deck import grid
 from dembench.engines.liggghts_round import is_primitive
 from dembench.scene import Cylinder, Scene, scene_from
 
-GLASS = {"name": "glass", "density": 2500, "young": 1e7, "poisson": 0.2}
-STEEL = {"name": "steel", "density": 7200, "young": 2.1e11, "poisson": 0.2}
 DRUM = Cylinder(
     name="drum",
     material="steel",
@@ -41,10 +40,7 @@ def scene(walls: tuple[Any, ...] = (), **changes: Any) -> Scene:
     fields: dict[str, Any] = {
         "name": "bed",
         "materials": (GLASS, STEEL),
-        "pair_laws": (
-            {"a": "glass", "b": "glass", "restitution": 0.5, "friction": 0.3},
-            {"a": "steel", "b": "glass", "restitution": 0.4, "friction": 0.2},
-        ),
+        "pair_laws": PAIRS,
         "species": (
             {"name": "small", "material": "glass", "radius": 0.001},
             {"name": "large", "material": "glass", "radius": 0.0015},

@@ -6,8 +6,6 @@ import threading
 from pathlib import Path
 from typing import Any
 
-import psutil
-
 from dembench.runs.directory import RunRecord, find_runs
 from dembench.runs.environment import available_cores
 from dembench.runs.plan import EngineChoice, PlannedRun, SceneChoice, plan
@@ -40,11 +38,3 @@ def pids(run: PlannedRun) -> list[int]:
     """Processes of a stand-in engine that hangs; none before it does."""
     path = run.directory.deck / "pids"
     return [int(pid) for pid in path.read_text().split()] if path.exists() and path.read_text() else []
-
-
-def gone(pid: int) -> bool:
-    """Whether a process has ended."""
-    try:
-        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return True

@@ -5,18 +5,15 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
-from conftest import wait_for
+from conftest import gone, wait_for
 from hopper import hopper
-from supervising import gone, only_record, pids, planned_runs, supervise
+from supervising import only_record, pids, planned_runs, supervise
 
 from dembench.results import read, validate
 from dembench.runs.directory import Occupied, find_runs
@@ -27,8 +24,6 @@ OBSERVED = (
     {"kind": "wall-force", "name": "cone_force", "wall": "cone", "interval": 2e-3},
     {"kind": "snapshot", "name": "flow", "times": (0.1,)},
 )
-STANDIN = Path(__file__).parents[1] / "standin.py"
-ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -181,33 +176,20 @@ def test_an_engine_that_is_asked_to_end_is_interrupted(standin, planned):
 
 
 @pytest.fixture
-def command(tmp_path):
-    """Starts `dembench run` on a scene as a process, with what the stand-in does."""
-    started = []
+def run_small(start_run, tmp_path):
+    """Starts `dembench run` on a scene as a process."""
 
     def start(scene, *options, modes=None):
         save_scene(scene, tmp_path / "small.json")
-        child = subprocess.Popen(
-            [sys.executable, STANDIN, "run", "small.json", "--no-report", "--checkpoint", "0.2", *options],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "STANDIN": json.dumps(modes or {})},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        started.append(child)
-        return child
+        return start_run("small.json", *options, modes=modes)
 
-    yield start
-    for child in started:
-        child.kill()
-        child.communicate()
+    return start
 
 
-def test_a_killed_command_is_gone_on_with_once_its_engine_has_ended(standin, planned, command, small_scene):
+def test_a_killed_command_is_gone_on_with_once_its_engine_has_ended(standin, planned, run_small, small_scene):
     """Killed outright, in the middle of everything: the next one waits for the engine, which ignores SIGTERM."""
     (run,) = planned("standin")
-    killed = command(small_scene(), "--engines", "standin", modes={"standin": ["ignore", 5]})
+    killed = run_small(small_scene(), "--engines", "standin", modes={"standin": ["ignore", 5]})
     wait_for(lambda: len(pids(run)) == 2 and run.directory.result.exists())
     (run.directory.path / ".result.h5.1.tmp").write_bytes(b"half a result")
     (run.directory.path / ".status.json.tmp").write_text('{"state": "o')
@@ -240,20 +222,20 @@ def test_one_supervisor_at_a_time_goes_on(interrupted, standin, planned):
     assert planned("standin")[0].action() == "resume"
 
 
-def test_an_interrupted_command_leaves_a_run_that_goes_on_to_the_same_bits(command, tmp_path):
+def test_an_interrupted_command_leaves_a_run_that_goes_on_to_the_same_bits(run_small, tmp_path):
     """The whole way with a solver: grains leave a hopper, the command is interrupted once two frames are there."""
     scene = hopper(duration=0.1, observables=OBSERVED)
-    straight = command(scene, "--engines", "peclet-hertz", "--out", "straight")
+    straight = run_small(scene, "--engines", "peclet-hertz", "--out", "straight")
     assert straight.communicate(timeout=120)[0] and straight.returncode == 0
 
-    first = command(scene, "--engines", "peclet-hertz", "--out", "broken")
+    first = run_small(scene, "--engines", "peclet-hertz", "--out", "broken")
     wait_for(lambda: len(list(tmp_path.glob("broken/*/deck/frames/*.npy"))) > 4)
     first.send_signal(signal.SIGINT)
     output, _ = first.communicate(timeout=60)
     assert first.returncode == 1 and "interrupted" in output, output
     assert find_runs(tmp_path / "broken")[0].status.state == "interrupted"
 
-    second = command(scene, "--engines", "peclet-hertz", "--out", "broken", "--json")
+    second = run_small(scene, "--engines", "peclet-hertz", "--out", "broken", "--json")
     output, _ = second.communicate(timeout=120)
     (job,) = json.loads(output)["runs"]
     assert (job["action"], job["state"]) == ("resume", "ok")

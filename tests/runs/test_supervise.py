@@ -10,8 +10,8 @@ from pathlib import Path
 
 import psutil
 import pytest
-from conftest import wait_for
-from supervising import CORES, gone, only_record, pids, planned_runs, supervise
+from conftest import gone, wait_for
+from supervising import CORES, only_record, pids, planned_runs, supervise
 
 from dembench.results import Result, read, validate
 from dembench.runs.directory import Occupied, find_runs
