@@ -19,7 +19,7 @@ from rich.text import Text
 from dembench.initial.progress import Progress, silent
 from dembench.runs.plan import PlannedRun
 from dembench.runs.scheduler import Job
-from dembench.verification.checks import Row
+from dembench.verification.rows import Row
 
 COLOURS = {
     "running": "cyan",
@@ -99,26 +99,27 @@ def plan_rows(runs: Sequence[PlannedRun], fresh: bool) -> list[dict[str, Any]]:
 
 
 def check_rows(rows: Sequence[Row]) -> None:
-    """Prints the rows of a suite, each with the published number beside it."""
-    columns = ("id", "check", "engine", "measured", "expected", "within", "status", "page", "it expects", "inside it")
+    """Prints the rows of a suite, with the published number beside each that has one."""
+    with_page = any(row.check.published for row in rows)
+    columns = ("id", "check", "engine", "measured", "expected", "status")
     shown = []
     for row in rows:
         check, page = row.check, row.check.published
-        shown.append(
-            (
-                check.id,
-                check.title,
-                row.engine,
-                "-" if row.measured is None else f"{row.measured:.6g} {_unit(check.unit)}".strip(),
-                f"{check.expected:.6g}",
-                f"{check.tolerance:.2g}",
-                row.status if not row.detail else f"{row.status}: {row.detail}",
-                "-" if page is None else f"{page.value:.5g}",
-                "-" if page is None else f"{page.expected:.4g} ± {page.tolerance:g}",
-                {True: "yes", False: "no", None: "-"}[row.inside_published],
-            )
+        cells = (
+            check.id,
+            check.title,
+            row.engine,
+            "-" if row.measured is None else f"{row.measured:.6g} {_unit(check.unit)}".strip(),
+            check.range_text(),
+            row.status if not row.detail else f"{row.status}: {row.detail}",
         )
-    table(columns, shown)
+        published = (
+            "-" if page is None else f"{page.value:.5g}",
+            "-" if page is None else f"{page.expected:.4g} ± {page.tolerance:g}",
+            {True: "yes", False: "no", None: "-"}[row.inside_published],
+        )
+        shown.append((*cells, *published) if with_page else cells)
+    table((*columns, "page", "it expects", "inside it") if with_page else columns, shown)
     for note in dict.fromkeys(row.check.published.note for row in rows if row.check.published):
         if note:
             line(note)

@@ -10,14 +10,19 @@ import typer
 from dembench import campaign, console
 from dembench.cli.options import Engines, Fresh, Json, print_json, usage_errors
 from dembench.runs.environment import available_cores
-from dembench.runs.plan import PlannedRun, split_list
+from dembench.runs.plan import PlannedRun, RequestError, split_list
 from dembench.verification import campaign as verification
 from dembench.verification import suites as suite_registry
-from dembench.verification.checks import Row, Suite
+from dembench.verification.checks import TIERS, Suite, Tier
+from dembench.verification.rows import Row, all_right
 
 
 def verify(
-    suite: Annotated[str, typer.Option(help="suites, as a,b; default: all")] = "",
+    suite: Annotated[str, typer.Option(help="suites, as a,b; default: what takes minutes of all of them")] = "",
+    tier: Annotated[
+        Tier | None, typer.Option(help="longest experiments that are run; default: all of the suites that are named")
+    ] = None,
+    only: Annotated[str, typer.Option(help="experiments with checks whose ids begin so, as D7,CO4")] = "",
     engines: Engines = None,
     timeout: Annotated[str, typer.Option(help="time limit of each run, as 45s, 30m, 2h")] = "10m",
     jobs: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one per core")] = None,
@@ -27,11 +32,11 @@ def verify(
 ) -> None:
     """Runs scenes whose answers are known and compares: one row per check and engine, one page per suite.
 
-    A row is ok, inaccurate, or in the state of a run that gave no value. Exit code 0: every check that the engines can
-    do is ok; 1: one is not, or there is none; 2: a usage error.
+    A row is ok, inaccurate, not applicable, or in the state of a run that gave no value. Exit code 0: every check that
+    the engines can do is ok; 1: one is not, or there is none; 2: a usage error.
     """
     with usage_errors():
-        suites = [suite_registry.suite(name) for name in split_list(suite) or suite_registry.names()]
+        suites = _chosen(split_list(suite), tier, split_list(only))
         chosen = campaign.chosen_engines(engines)
         limit = campaign.seconds(timeout)
         plans = [verification.planned(one, chosen, out, timeout=limit) for one in suites]
@@ -54,8 +59,19 @@ def verify(
             console.check_rows(found[one.name])
             if page is not None:
                 console.line(str(page))
-    ok = all(verification.all_right(rows) for rows in found.values()) and None not in pages
+    ok = all(all_right(rows) for rows in found.values()) and None not in pages
     raise typer.Exit(0 if ok else 1)
+
+
+def _chosen(named: list[str], tier: Tier | None, only: list[str]) -> list[Suite]:
+    """The suites with the experiments that were asked for; those without any are left out."""
+    longest = tier or (None if named or only else TIERS[0])
+    parts = [suite_registry.suite(name).part(longest, only) for name in named or suite_registry.names()]
+    found = [part for part in parts if part.experiments]
+    if not found:
+        asked = " or ".join(only) if only else f"tier {longest}"
+        raise RequestError(f"no experiment of {', '.join(part.name for part in parts)} fits {asked}")
+    return found
 
 
 def _write_suite_page(suite: Suite, runs: list[PlannedRun], rows: list[Row], out: Path) -> Path | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from dembench.reports import facts, sanity_figures
@@ -16,7 +16,8 @@ from dembench.reports.plot import Plot
 from dembench.reports.svg import variable
 from dembench.reports.tables import Cell, Column, Table, grouped, significant
 from dembench.runs.directory import RunRecord
-from dembench.verification.checks import MEASURED, Row, Suite
+from dembench.verification.checks import Suite
+from dembench.verification.rows import MEASURED, UNJUDGED, Row
 
 Figures = Callable[[Sequence[RunRecord], str], list[Plot]]
 FIGURES: dict[str, Figures] = {"sanity": sanity_figures.plots}
@@ -68,7 +69,7 @@ def _engines(rows: Sequence[Row]) -> list[str]:
 
 def _counts(engine: str, rows: Sequence[Row]) -> tuple[int, int, int, int]:
     """Of one engine: checks that it can do, the ok ones, those with a published number, those inside its tolerance."""
-    own = [row for row in rows if row.engine == engine and row.status != "skipped"]
+    own = [row for row in rows if row.engine == engine and row.status not in UNJUDGED]
     published = [row for row in own if row.check.published is not None]
     inside = [row for row in published if row.inside_published]
     return len(own), sum(row.status == "ok" for row in own), len(published), len(inside)
@@ -78,43 +79,51 @@ def _summary(engine: str, rows: Sequence[Row]) -> str:
     checks, ok, published, inside = _counts(engine, rows)
     if not checks:
         return f"{engine}: no check that it can do."
-    text = f"{engine}: {ok} of {checks} checks agree with the closed form"
+    text = f"{engine}: {ok} of {checks} checks are met"
     return f"{text}, {inside} of {published} lie inside the published tolerance." if published else f"{text}."
 
 
 def _verdicts(rows: Sequence[Row]) -> Table:
-    columns = (
+    with_page = any(row.check.published for row in rows)
+    columns = [
         Column("Engine", kind="long"),
         Column("Checks it can do", kind="number"),
-        Column("Agree with the closed form", kind="number"),
-        Column("Inside the published tolerance", kind="number"),
+        Column("Met", kind="number"),
+        Column("Not judged", kind="number", note="skipped: the engine cannot do the scene; not applicable: its law"),
         Column("States"),
-    )
+    ]
+    if with_page:
+        columns.insert(3, Column("Inside the published tolerance", kind="number"))
     listed = []
     for engine in _engines(rows):
         checks, ok, published, inside = _counts(engine, rows)
-        states = dict.fromkeys(row.status for row in rows if row.engine == engine)
-        listed.append(
-            (
-                _engine_cell(engine),
-                Cell(str(checks), checks),
-                Cell(f"{ok} of {checks}", ok),
-                Cell(f"{inside} of {published}", inside),
-                Cell(", ".join(states)),
-            )
-        )
-    return Table("verdicts", "Verdict", columns, tuple(listed))
+        own = [row.status for row in rows if row.engine == engine]
+        cells = [
+            _engine_cell(engine),
+            Cell(str(checks), checks),
+            Cell(f"{ok} of {checks}", ok),
+            Cell(str(len(own) - checks), len(own) - checks),
+            Cell(", ".join(f"{state} {own.count(state)}" for state in dict.fromkeys(own))),
+        ]
+        if with_page:
+            cells.insert(3, Cell(f"{inside} of {published}", inside))
+        listed.append(tuple(cells))
+    return Table("verdicts", "Verdict", tuple(columns), tuple(listed))
 
 
 def _rows(rows: Sequence[Row]) -> Table:
+    with_page = any(row.check.published for row in rows)
     columns = (
         Column("Check"),
         Column("What", kind="long"),
         Column("Status"),
         Column("Engine", kind="long"),
         Column("Measured", kind="number"),
-        Column("Closed form", kind="number"),
+        Column("Expected", kind="number", note="≤ and ≥: a bound"),
         Column("Tolerance", kind="number", note="largest deviation that is accepted"),
+        Column("Kind", note="where the expected value comes from"),
+    )
+    page_columns = (
         Column("Page measured", kind="number", note="what the published page measured"),
         Column("Page expects", kind="number", note="what the published page expects, and its tolerance"),
         Column("Inside it", note="whether the measured value is inside the tolerance of the page"),
@@ -122,42 +131,47 @@ def _rows(rows: Sequence[Row]) -> Table:
     notes = list(dict.fromkeys(p.note for row in rows if (p := row.check.published) is not None and p.note))
     reasons = dict.fromkeys(f"{row.engine}: {row.detail}" for row in rows if row.detail)
     marks = {note: "*" * (k + 1) for k, note in enumerate(notes)}
-    listed = []
-    for row in rows:
-        check, page = row.check, row.check.published
-        places = max(0, min(6, 1 - _exponent(check.tolerance)))
-        listed.append(
-            (
-                Cell(check.id),
-                Cell(check.title, detail=check.source),
-                state_cell(row.status),
-                _engine_cell(row.engine),
-                _value(row.measured, places, check.unit),
-                _value(check.expected, places, check.unit),
-                Cell(significant(check.tolerance, 2), check.tolerance),
-                Cell() if page is None else Cell(significant(page.value), page.value),
-                Cell()
-                if page is None
-                else Cell(
-                    f"{significant(page.expected)} ± {significant(page.tolerance)}",
-                    page.expected,
-                    flags=marks.get(page.note, ""),
-                ),
-                _inside(row),
-            )
-        )
+    listed = [(*_cells(row), *_page_cells(row, marks)) if with_page else _cells(row) for row in rows]
     footnotes = (*(f"{mark} {note}" for note, mark in marks.items()), *reasons)
-    return Table("rows", "Checks", columns, tuple(listed), footnotes=footnotes)
+    shown = (*columns, *page_columns) if with_page else columns
+    return Table("rows", "Checks", shown, tuple(listed), footnotes=footnotes)
+
+
+def _cells(row: Row) -> tuple[Cell, ...]:
+    check = row.check
+    places = max(0, min(6, 1 - _exponent(check.tolerance or abs(check.expected) or 1.0)))
+    return (
+        Cell(check.id),
+        Cell(check.title, detail=check.source),
+        state_cell(row.status),
+        _engine_cell(row.engine),
+        _value(row.measured, places, check.unit),
+        _value(check.expected, places, check.unit, {"at most": "≤ ", "at least": "≥ "}.get(check.sense, "")),
+        Cell(significant(check.tolerance, 2), check.tolerance),
+        Cell(check.kind),
+    )
+
+
+def _page_cells(row: Row, marks: Mapping[str, str]) -> tuple[Cell, ...]:
+    page = row.check.published
+    if page is None:
+        return (Cell(), Cell(), Cell())
+    expects = f"{significant(page.expected)} ± {significant(page.tolerance)}"
+    return (
+        Cell(significant(page.value), page.value),
+        Cell(expects, page.expected, flags=marks.get(page.note, "")),
+        _inside(row),
+    )
 
 
 def _exponent(value: float) -> int:
     return int(f"{value:e}".split("e")[1])
 
 
-def _value(value: float | None, places: int, unit: str) -> Cell:
+def _value(value: float | None, places: int, unit: str, bound: str = "") -> Cell:
     if value is None:
         return Cell()
-    text = grouped(value, places)
+    text = bound + grouped(value, places)
     return Cell(text if unit == "1" else f"{text} {unit}", float(f"{value:.10g}"))
 
 

@@ -11,33 +11,43 @@ from dembench.runs.directory import RunRecord
 from dembench.runs.plan import EngineChoice, PlannedRun, SceneChoice, plan
 from dembench.runs.states import Verdict
 from dembench.runs.supervise import Judge
-from dembench.verification.checks import Row, Suite, measured, rows_of
+from dembench.verification.checks import Suite, Trial
+from dembench.verification.rows import Row, measured, rows_of
 
 
 def planned(
     suite: Suite, engines: Sequence[EngineChoice], out: Path, *, timeout: float | None = None
 ) -> list[PlannedRun]:
-    """One run of every engine on every scene of a suite, long scenes first.
+    """One run of every engine on every trial of a suite, long scenes first.
 
     Args:
         suite: The suite.
-        engines: Engines with the settings that were typed; the suite's are added where an engine knows them.
+        engines: Engines with the settings that were typed; those of suite and trial are added where an engine knows
+            them.
         out: Directory of the run directories.
         timeout: Time limit of each run [s].
 
     Raises:
         RequestError, SettingsError: See `dembench.runs.plan.plan`.
     """
-    scenes = [experiment.scene() for experiment in suite.experiments]
-    scenes.sort(key=lambda scene: len(scene.bodies) * scene.duration, reverse=True)
-    chosen = [SceneChoice(case=scene.name, preset=None, seed=0, scene=scene) for scene in scenes]
-    return plan(chosen, [_with_settings(suite, choice) for choice in engines], out, timeout=timeout)
+    runs = []
+    for trial in (trial for experiment in suite.experiments for trial in experiment.trials):
+        chosen = SceneChoice(case=trial.name, preset=None, seed=0, scene=trial.scene())
+        given = [_with_settings(suite, trial, choice) for choice in engines]
+        runs += plan([chosen], given, out, division=trial.division, timeout=timeout)
+    return sorted(runs, key=lambda run: run.spec.bodies * run.spec.duration / run.settings.dt, reverse=True)
 
 
 def rows(suite: Suite, runs: Sequence[PlannedRun]) -> list[Row]:
     """The rows of a suite from the directories of its runs, in the order of the checks, then of the engines."""
-    experiments = {experiment.name: experiment for experiment in suite.experiments}
-    found = [row for run in runs for row in rows_of(experiments[run.spec.case], run.spec.label(), record(run))]
+    by_engine: dict[str, dict[str, RunRecord | None]] = {}
+    for run in runs:
+        by_engine.setdefault(run.spec.label(), {})[run.spec.case] = record(run)
+    found = []
+    for engine, records in by_engine.items():
+        for experiment in suite.experiments:
+            own = {trial.name: records.get(trial.name) for trial in experiment.trials}
+            found += rows_of(experiment, engine, own)
     return sorted(found, key=lambda row: row.check.id)
 
 
@@ -46,28 +56,31 @@ def record(run: PlannedRun) -> RunRecord | None:
     return RunRecord(run.directory.path) if run.directory.status() is not None else None
 
 
-def all_right(found: Sequence[Row]) -> bool:
-    """Whether a value was measured and every row that was not skipped is ok."""
-    judged = [row for row in found if row.status != "skipped"]
-    return bool(judged) and all(row.status == "ok" for row in judged)
-
-
 def judge(suites: Sequence[Suite]) -> Judge:
-    """A judge for runs of these suites: inaccurate where a check is missed."""
-    experiments = {e.name: e for suite in suites for e in suite.experiments}
+    """A judge for runs of these suites: inaccurate where a check of an experiment of one run is missed.
+
+    What is measured on several runs is no property of any one of them.
+    """
+    alone = {e.trials[0].name: e for suite in suites for e in suite.experiments if len(e.trials) == 1}
 
     def verdict(run: PlannedRun, result: Result) -> Verdict:
+        experiment = alone.get(run.spec.case)
+        if experiment is None:
+            return Verdict()
+        found, _ = measured(experiment, {run.spec.case: result})
+        applicable = [check for check in experiment.checks if not (check.scene_law and run.spec.law)]
         missed = [
-            f"{check.id} {value:.6g} is not {check.expected:.6g} within {check.tolerance:.2g}"
-            for check, value in measured(experiments[run.spec.case], result)
-            if not check.accepts(value)
+            f"{check.id} {found[check.id]:.6g} is not {check.range_text()}"
+            for check in applicable
+            if not check.accepts(found[check.id])
         ]
-        return Verdict(state="inaccurate" if missed else "ok", scored=True, detail="; ".join(missed))
+        state = "inaccurate" if missed else "ok"
+        return Verdict(state=state, scored=bool(applicable), detail="; ".join(missed))
 
     return verdict
 
 
-def _with_settings(suite: Suite, choice: EngineChoice) -> EngineChoice:
+def _with_settings(suite: Suite, trial: Trial, choice: EngineChoice) -> EngineChoice:
     known = registry.engine(choice.engine).settings_type.model_fields
-    own = {key: value for key, value in suite.settings.items() if key in known}
+    own = {key: value for key, value in {**suite.settings, **trial.settings}.items() if key in known}
     return EngineChoice(choice.engine, choice.overrides, given=own)

@@ -1,18 +1,23 @@
-"""One number that is known beside what an engine made of it: checks, and the rows that a suite reports."""
+"""What is known of an engine's answers: numbers, the scenes that they are measured on, and the suites of them."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
+from dembench.engines.base import Division
 from dembench.results import Result
-from dembench.runs.directory import RunRecord
 from dembench.scene import Scene
 
-MEASURED = ("ok", "inaccurate")
-"""States of rows that have a measured value."""
+Kind = Literal["closed form", "publication", "ensemble", "converged run"]
+"""Where an expected value comes from; errors of different kinds are never mixed."""
+
+Tier = Literal["default", "long", "statistical"]
+"""How long an experiment takes: seconds; up to an hour for all of one engine; up to three hours."""
+TIERS: tuple[Tier, ...] = ("default", "long", "statistical")
+
+Sense = Literal["within", "at most", "at least"]
 
 
 @dataclass(frozen=True)
@@ -44,10 +49,14 @@ class Check:
         id: Identifier, unique in its suite.
         title: What is measured.
         unit: SI unit; "1" for a number without one.
-        expected: Its exact value.
+        expected: Its exact value, or the bound.
         tolerance: Largest deviation that is accepted, in `unit`.
         source: Where the exact value comes from.
         published: The same number elsewhere, or None.
+        sense: Whether the value lies within the tolerance of what is expected, or only at most or at least there.
+        kind: Kind of the expected value.
+        scene_law: Whether it holds for the contact law of the scene only: it does not apply to an engine that computes
+            another law.
     """
 
     id: str
@@ -57,29 +66,77 @@ class Check:
     tolerance: float
     source: str
     published: Published | None = None
+    sense: Sense = "within"
+    kind: Kind = "closed form"
+    scene_law: bool = False
 
     def accepts(self, measured: float) -> bool:
         """Whether a value is near enough; what is no number never is."""
-        return abs(measured - self.expected) <= self.tolerance
+        too_low = self.sense != "at most" and not measured >= self.expected - self.tolerance
+        too_high = self.sense != "at least" and not measured <= self.expected + self.tolerance
+        return measured == measured and not too_low and not too_high
+
+    def range_text(self) -> str:
+        """What is accepted, for messages: `0.5 within 0.01`, `at most 0.1`."""
+        if self.sense == "within":
+            return f"{self.expected:.6g} within {self.tolerance:.2g}"
+        sign = 1 if self.sense == "at most" else -1
+        return f"{self.sense} {self.expected + sign * self.tolerance:.6g}"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run of an experiment.
+
+    Attributes:
+        name: Identifier, unique in its suite; the name of its scene.
+        scene: Builds the scene.
+        settings: Settings that every engine gets which has a setting of that name, unless another value is typed.
+        division: `closed` or `open`.
+    """
+
+    name: str
+    scene: Callable[[], Scene]
+    settings: Mapping[str, str] = field(default_factory=dict)
+    division: Division = "closed"
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One scene with the checks that are made on its result.
+    """Scenes with the checks that are made on what came of them.
 
     Attributes:
-        name: Identifier, the name of its scene.
+        name: Identifier.
         title: One line for tables.
-        scene: Builds the scene.
-        measure: Measures a complete result: a value for the id of every check.
+        trials: Its runs.
+        measure: Measures complete results by the names of their trials: a value for the id of every check.
         checks: What is known of it.
+        tier: How long it takes.
+        deaths_count: Whether a run that failed or ran out of time is an answer, too: `measure` finds no result under
+            its name then. Otherwise there are no values unless every run came to its end.
     """
 
     name: str
     title: str
-    scene: Callable[[], Scene]
-    measure: Callable[[Result], Mapping[str, float]]
+    trials: tuple[Trial, ...]
+    measure: Callable[[Mapping[str, Result]], Mapping[str, float]]
     checks: tuple[Check, ...]
+    tier: Tier = "default"
+    deaths_count: bool = False
+
+
+def on_one_scene(
+    name: str,
+    title: str,
+    scene: Callable[[], Scene],
+    measure: Callable[[Result], Mapping[str, float]],
+    checks: tuple[Check, ...],
+    tier: Tier = "default",
+    settings: Mapping[str, str] | None = None,
+) -> Experiment:
+    """An experiment of one run, which has its name."""
+    trial = Trial(name, scene, settings or {})
+    return Experiment(name, title, (trial,), lambda results: measure(results[name]), checks, tier)
 
 
 @dataclass(frozen=True)
@@ -102,84 +159,18 @@ class Suite:
     experiments: tuple[Experiment, ...]
     settings: Mapping[str, str] = field(default_factory=dict)
 
-    def checks(self) -> list[Check]:
-        """All checks in the order of the tables."""
-        return sorted((c for e in self.experiments for c in e.checks), key=lambda c: c.id)
+    def part(self, tier: Tier | None = None, only: Sequence[str] = ()) -> Suite:
+        """The suite with some of its experiments.
 
-
-@dataclass(frozen=True)
-class Row:
-    """One check of one engine.
-
-    Attributes:
-        check: The check.
-        engine: The engine, with its settings as typed.
-        measured: What came out; None where nothing did.
-        status: `ok`, `inaccurate`, or the state of the run that gave no value: `failed`, `skipped`, ...
-        detail: Why there is no value.
-        run: Name of the run directory.
-    """
-
-    check: Check
-    engine: str
-    measured: float | None
-    status: str
-    detail: str
-    run: str
-
-    @property
-    def inside_published(self) -> bool | None:
-        """Whether the value is inside the published tolerance; None without either."""
-        if self.check.published is None or self.measured is None:
-            return None
-        return self.check.published.accepts(self.measured)
-
-    def plain(self) -> dict[str, Any]:
-        """As JSON data."""
-        check, published = self.check, self.check.published
-        return {
-            "id": check.id,
-            "engine": self.engine,
-            "title": check.title,
-            "measured": self.measured,
-            "expected": check.expected,
-            "tolerance": check.tolerance,
-            "unit": check.unit,
-            "status": self.status,
-            "detail": self.detail,
-            "source": check.source,
-            "published": None
-            if published is None
-            else {
-                "value": published.value,
-                "expected": published.expected,
-                "tolerance": published.tolerance,
-                "inside": self.inside_published,
-                "note": published.note,
-            },
-            "run": self.run,
-        }
-
-
-def rows_of(experiment: Experiment, engine: str, run: RunRecord | None) -> list[Row]:
-    """The rows of one run: a value and its verdict, or the state that the run ended in; None was never started."""
-    if run is None:
-        return [Row(check, engine, None, "interrupted", "not started", "") for check in experiment.checks]
-    status, result = run.status, run.result
-    if status.state not in MEASURED or result is None:
-        state = status.state if status.state not in MEASURED else "failed"
-        why = "; ".join(text for text in (status.reason, status.detail) if text) or "the result cannot be read"
-        return [Row(check, engine, None, state, why, run.name) for check in experiment.checks]
-    return [_row(check, engine, found, run.name) for check, found in measured(experiment, result)]
-
-
-def measured(experiment: Experiment, result: Result) -> list[tuple[Check, float]]:
-    """Every check of an experiment with what was measured."""
-    found = experiment.measure(result)
-    return [(check, float(found[check.id])) for check in experiment.checks]
-
-
-def _row(check: Check, engine: str, value: float, run: str) -> Row:
-    if not math.isfinite(value):
-        return Row(check, engine, None, "inaccurate", "what was measured is not a finite number", run)
-    return Row(check, engine, value, "ok" if check.accepts(value) else "inaccurate", "", run)
+        Args:
+            tier: The longest tier that is taken; None takes all.
+            only: Beginnings of the ids of checks; an experiment is taken where one fits. Empty takes all.
+        """
+        taken = TIERS if tier is None else TIERS[: TIERS.index(tier) + 1]
+        fits = [
+            experiment
+            for experiment in self.experiments
+            if experiment.tier in taken
+            and (not only or any(check.id.startswith(tuple(only)) for check in experiment.checks))
+        ]
+        return replace(self, experiments=tuple(fits))

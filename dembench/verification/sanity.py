@@ -9,7 +9,7 @@ import numpy as np
 from dembench.results import Result
 from dembench.results.schema import SnapshotSeries
 from dembench.verification import sanity_scenes as scenes
-from dembench.verification.checks import Check, Experiment, Published, Suite
+from dembench.verification.checks import Check, Published, Suite, on_one_scene
 from dembench.verification.sanity_scenes import (
     BED,
     BOUNCE,
@@ -122,10 +122,12 @@ def suite() -> Suite:
         "stand. Every number has a closed form; the tolerances are ours, and the published page's stand beside them.",
         source="peclet.dem, sanity-check page (problems, their published values and tolerances)",
         experiments=(
-            Experiment("sanity_collisions", "Pairs that meet", scenes.collisions, _collisions, _collision_checks()),
-            Experiment("sanity_floor", "On a plane", scenes.floor, _floor, _floor_checks()),
-            Experiment("sanity_sdf_floor", "On a signed distance", scenes.sdf_floor, _sdf_floor, (_bounce_check("b"),)),
-            Experiment("sanity_bed", "A bed of 40 layers", scenes.bed, _bed, _bed_checks()),
+            on_one_scene("sanity_collisions", "Pairs that meet", scenes.collisions, _collisions, _collision_checks()),
+            on_one_scene("sanity_floor", "On a plane", scenes.floor, _floor, _floor_checks()),
+            on_one_scene(
+                "sanity_sdf_floor", "On a signed distance", scenes.sdf_floor, _sdf_floor, (_bounce_check("b"),)
+            ),
+            on_one_scene("sanity_bed", "A bed of 40 layers", scenes.bed, _bed, _bed_checks()),
         ),
         settings={"dt": f"{scenes.DT:g}", "velocity_sweeps": "30", "position_sweeps": "10"},
     )

@@ -75,7 +75,7 @@ def still(scene: Any, times: int = 3) -> SnapshotSeries:
 def measured(name: str, motion: SnapshotSeries) -> dict[str, float]:
     experiment = next(e for e in suite("sanity").experiments if e.name == name)
     result: Any = SimpleNamespace(snapshots={sanity_scenes.MOTION: motion})
-    return dict(experiment.measure(result))
+    return dict(experiment.measure({name: result}))
 
 
 def test_the_bounce_of_a_point_is_the_square_of_the_restitution() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ from dembench.verification import suites
 def verify(standin, tmp_path, monkeypatch):
     """Runs `dembench verify` on the suite `falling` with the stand-in engines, in an empty directory."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(suites, "BUILT_IN", {"falling": "falling:suite"})
+    monkeypatch.setattr(suites, "BUILT_IN", {"falling": "falling:suite", "planets": "falling:planets"})
     suites.suite.cache_clear()
     yield lambda *words: CliRunner().invoke(app, ["verify", *words])
     suites.suite.cache_clear()
@@ -89,6 +90,43 @@ def test_an_unknown_suite_is_a_usage_error(verify) -> None:
     done = verify("--suite", "fallin")
     assert done.exit_code == 2
     assert "Did you mean 'falling'?" in done.output
+
+
+def test_a_number_can_rest_on_several_runs_and_a_bound_has_one_side(verify) -> None:
+    found = rows(verify("--suite", "planets", "--only", "G", "--engines", "standin", "--json"))
+    assert {k: (row["status"], row["sense"]) for k, row in found.items()} == {
+        "G1": ("ok", "within"),
+        "G2": ("ok", "within"),
+        "G3": ("ok", "at most"),
+        "G4": ("ok", "at least"),
+    }
+    assert found["G2"]["measured"] == pytest.approx(10) and len(found["G2"]["runs"]) == 2
+    assert {r.spec.case: r.spec.settings["spoil"] for r in find_runs(Path("runs/verify"))} == {
+        "heavy": "more",
+        "light": "nothing",
+    }
+
+
+@pytest.mark.parametrize(("deaths_count", "status"), [(True, "inaccurate"), (False, "failed")])
+def test_an_engine_that_dies_is_an_answer_where_that_counts(verify, monkeypatch, deaths_count, status) -> None:
+    """Nothing is left of the two falls, which `measure` sees, or is not asked about."""
+    import falling
+
+    monkeypatch.setenv("STANDIN", json.dumps({"standin": ["crash", 1]}))
+    monkeypatch.setattr(falling, "planets", partial(falling.planets, deaths_count))
+    found = rows(verify("--suite", "planets", "--only", "G", "--engines", "standin", "--json"))
+    assert {row["status"] for row in found.values()} == {status}
+    assert (found["G1"]["measured"] == 0) is deaths_count
+
+
+def test_only_what_was_asked_for_is_run(verify) -> None:
+    """Without a name the long experiments are left out; those of a suite that is named are run."""
+    assert set(rows(verify("--engines", "standin", "--json"))) == {"F1", "F2", "F3"}
+    assert set(rows(verify("--tier", "long", "--engines", "standin", "--json"))) > {"F1", "G1"}
+    assert set(rows(verify("--suite", "planets", "--engines", "standin", "--json"))) == {"G1", "G2", "G3", "G4"}
+    assert set(rows(verify("--only", "G3", "--engines", "standin", "--json"))) == {"G1", "G2", "G3", "G4"}
+    nothing = verify("--only", "H7", "--engines", "standin")
+    assert nothing.exit_code == 2 and "no experiment of falling, planets fits H7" in nothing.output
 
 
 def test_the_page_opens_offline_and_shows_every_row(verify) -> None:
