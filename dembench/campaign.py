@@ -165,6 +165,7 @@ def carry_out(
     fresh: bool = False,
     checkpoint: float = CHECKPOINT,
     judge: Judge = judge,
+    beside_workload: bool = False,
     show: Callable[[list[Job]], None],
 ) -> list[Job]:
     """Carries out the runs that are not finished yet; SIGINT and SIGTERM end them in good order.
@@ -175,10 +176,17 @@ def carry_out(
         fresh: Whether finished runs are run again, and interrupted ones from the start.
         checkpoint: Time between checkpoints of a result [s].
         judge: Gives a finished run its verdict.
+        beside_workload: Whether the reference workload is timed before and after each run.
         show: Called a few times per second with all jobs.
     """
     jobs = [Job(run, run.action(fresh)) for run in runs]
-    options = {"judge": judge, "fresh": fresh, "checkpoint": checkpoint, "command": command_line()}
+    options = {
+        "judge": judge,
+        "fresh": fresh,
+        "checkpoint": checkpoint,
+        "command": command_line(),
+        "beside_workload": beside_workload,
+    }
     scheduler = Scheduler(jobs, available_cores(), at_once, **options)
     with _signals() as asked_to_end:
         scheduler.start()

@@ -158,6 +158,7 @@ class Recipe(Model):
     Attributes:
         title, text: Heading of the page and what it is about.
         runs: Its blocks.
+        workload: Whether the reference workload is timed beside each run, for `dembench check`.
         sensitivity: The parameter whose effect is studied; None for none.
         page: What the page shows; None writes the common report.
     """
@@ -165,6 +166,7 @@ class Recipe(Model):
     title: str
     text: str = ""
     runs: Annotated[tuple[Block, ...], Field(min_length=1)]
+    workload: bool = False
     sensitivity: Sensitivity | None = None
     page: Page | None = None
 

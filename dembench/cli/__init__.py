@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dembench import __version__, console
-from dembench.cli import data, imports, initial, inspection, results, run, verify
+from dembench.cli import data, imports, initial, inspection, regression, results, run, verify
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -21,6 +21,8 @@ for verb in (
     run.write,
     run.timestep,
     verify.verify,
+    regression.check,
+    regression.bless,
     results.report,
     results.validate,
     results.export,

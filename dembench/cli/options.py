@@ -18,6 +18,7 @@ from dembench.initial.beds import BedError
 from dembench.initial.fetch import initial_state
 from dembench.initial.rows import CoordinatesError
 from dembench.results.foreign import ForeignError
+from dembench.regression.metrics import RegressionError
 from dembench.runs.plan import RequestError
 from dembench.scene import SceneError
 from dembench.verification.suites import UnknownSuite
@@ -54,6 +55,7 @@ USAGE = (
     UnknownEngine,
     UnknownSuite,
     ForeignError,
+    RegressionError,
 )
 """What is asked for wrongly."""
 

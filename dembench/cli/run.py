@@ -50,6 +50,9 @@ def run(
     division: DivisionName = None,
     out: Out = Path("runs"),
     fresh: Fresh = False,
+    workload: Annotated[
+        bool, typer.Option("--workload", help="time the reference workload beside each run, for `dembench check`")
+    ] = False,
     report: Annotated[bool, typer.Option(help="write the report at the end")] = True,
     checkpoint: Annotated[float, typer.Option(min=0.1, help="seconds between partial results")] = CHECKPOINT,
     json_: Json = False,
@@ -72,7 +75,14 @@ def run(
     if not json_:
         _say_what_runs(chosen.requests, runs)
     with console.Display(quiet=json_) as display:
-        done = campaign.carry_out(runs, at_once=jobs, fresh=fresh, checkpoint=checkpoint, show=display.update)
+        done = campaign.carry_out(
+            runs,
+            at_once=jobs,
+            fresh=fresh,
+            checkpoint=checkpoint,
+            beside_workload=workload or (chosen.recipe is not None and chosen.recipe.workload),
+            show=display.update,
+        )
     end = conclude(chosen, planned, report)
     if json_:
         told = {"runs": [_ended(job) for job in done], "report": str(end.page) if end.page else None}

@@ -152,6 +152,7 @@ class Timing:
         compile: Compiling or loading kernels.
         loop: The stepping loop.
         output: Writing frames and tracks, where it is apart from the loop.
+        loop_cpu: CPU time of the stepping loop.
         source: Who measured the loop: `engine`, `difference of two run lengths`, or `wall`.
     """
 
@@ -159,6 +160,7 @@ class Timing:
     compile: float | None = None
     loop: float | None = None
     output: float | None = None
+    loop_cpu: float | None = None
     source: str = "wall"
 
 

@@ -40,20 +40,30 @@ CLOCK_INTERVAL = 2.0
 """Wall time between two rows of the clock where nothing is recorded [s]."""
 
 
+PARTS = ("set_up", "compile", "loop", "output")
+
+
 class Stopwatch:
-    """Wall time by part of the run [s]: `set_up`, `compile`, `loop` and `output`, earlier attempts included."""
+    """Wall time by part of the run and CPU time of the loop, `loop_cpu` [s], earlier attempts included."""
 
     def __init__(self, spent: dict[str, float] | None = None) -> None:
         """Starts, on top of what was spent up to a checkpoint."""
-        self.spent = dict.fromkeys(("set_up", "compile", "loop", "output"), 0.0) | (spent or {})
-        self._last = time.perf_counter()
+        self.spent = dict.fromkeys((*PARTS, "loop_cpu"), 0.0) | (spent or {})
+        self._last, self._last_cpu = time.perf_counter(), time.process_time()
 
     def lap(self, part: str) -> float:
         """Adds the time since the last call to a part, and returns it [s]."""
-        now = time.perf_counter()
+        now, cpu = time.perf_counter(), time.process_time()
         passed, self._last = now - self._last, now
         self.spent[part] += passed
+        if part == "loop":
+            self.spent["loop_cpu"] += cpu - self._last_cpu
+        self._last_cpu = cpu
         return passed
+
+    def wall(self) -> float:
+        """Wall time of all parts together [s]."""
+        return sum(self.spent[part] for part in PARTS)
 
 
 class Recorder:
@@ -102,7 +112,7 @@ class Recorder:
 
     def clock(self, step: int, moment: float) -> None:
         """Appends how far the run is."""
-        self._append(CLOCK, [step, moment, sum(self.watch.spent.values())])
+        self._append(CLOCK, [step, moment, self.watch.wall()])
         self._next_clock = time.perf_counter() + CLOCK_INTERVAL
 
     def advance(self, simulation: Any, n: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import subprocess
 import sys
 import time
 import traceback
@@ -13,7 +14,7 @@ from typing import Any
 
 from dembench.engines.base import Phase, Series, Timing
 from dembench.results import Observer, Result, channels, read, write
-from dembench.runs import environment
+from dembench.runs import environment, workload
 from dembench.runs.attempts import Earlier, resources, together
 from dembench.runs.directory import now
 from dembench.runs.outcome import Failure, failure_of
@@ -79,6 +80,7 @@ class Supervisor:
         fresh: bool = False,
         checkpoint: float = CHECKPOINT,
         command: str = "",
+        beside_workload: bool = False,
         progress: Progress | None = None,
     ) -> None:
         """Prepares a run.
@@ -91,10 +93,12 @@ class Supervisor:
             fresh: Begins anew where it could go on from an interruption.
             checkpoint: Time between checkpoints of the result [s].
             command: Command line that asked for it.
+            beside_workload: Times the reference workload on the same cores before and after it.
             progress: Kept up to date while it goes on.
         """
         self._run, self._cores, self._stop = run, tuple(cores), stop
         self._judge, self._fresh, self._checkpoint, self._command = judge, fresh, checkpoint, command
+        self._beside_workload, self._workload = beside_workload, dict[str, Any]()
         self._progress = progress or Progress()
         self._begin = time.monotonic()
         self._earlier = Earlier()
@@ -115,6 +119,7 @@ class Supervisor:
             Occupied: Another supervisor works on the same run.
         """
         before = self._run.directory.claim(self._run.spec, keep=not self._fresh)
+        self._time_workload()
         self._begin = time.monotonic()
         self._set(state="running", started=now())
         ended, failure = self._carry_out(before)
@@ -128,6 +133,7 @@ class Supervisor:
             signal=ended.signal if ended else None,
             contended=self._contended(),
         )
+        self._time_workload()
         self._conclude(failure)
         self._write_result()
         if self._status.state in ("ok", "inaccurate"):
@@ -171,6 +177,18 @@ class Supervisor:
             if ended.stopped or ended.signal or ended.exit_code:
                 break
         return ended, None
+
+    def _time_workload(self) -> None:
+        """Adds CPU times of the reference workload to the record of the machine, where they are wanted."""
+        if not self._beside_workload or self._stop.is_set():
+            return
+        self._progress.note = "timing the reference workload"
+        try:
+            found = workload.measure_on(self._cores)
+        except (OSError, subprocess.SubprocessError, ValueError) as error:
+            self._set(note=f"the reference workload was not timed: {error}")
+            return
+        self._workload = workload.added(self._workload, found)
 
     def _resumed(self, before: Status) -> list[Phase] | None:
         """Phases that go on with an earlier attempt; None, with the directory made anew, without a checkpoint of it."""
@@ -273,7 +291,7 @@ class Supervisor:
             settings=run.spec.settings,
             environment=self._environment,
             timing=asdict(self._timing()),
-            resources=self._resources(),
+            resources={**self._resources(), **({workload.RECORD: self._workload} if self._workload else {})},
             counters=dict(self._series.counters),
             status=self._status.plain(),
             provenance={

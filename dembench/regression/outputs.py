@@ -1,0 +1,103 @@
+"""Verdicts for other programs: JUnit for continuous integration, Markdown for a comment."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from xml.etree import ElementTree
+
+from dembench.regression.verdicts import Verdict, counts
+from dembench.scoring.ensembles import Interval
+
+_SHOWN = 50
+"""Metrics that are ok beyond this number are counted, not listed."""
+
+
+def write(text: str, path: Path) -> None:
+    """Writes a file, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary.write_text(text, encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def junit(verdicts: Sequence[Verdict]) -> str:
+    """The verdicts as JUnit XML: a metric is a test case, a regression a failure, an undecided one is skipped.
+
+    The elements are those of the schema that the Jenkins xUnit plugin publishes (junit-10.xsd).
+    """
+    suite = ElementTree.Element(
+        "testsuite",
+        name="dembench check",
+        tests=str(len(verdicts)),
+        failures=str(sum(v.fails and v.word != "failed" for v in verdicts)),
+        errors=str(sum(v.word == "failed" for v in verdicts)),
+        skipped=str(sum(v.word == "undecided" for v in verdicts)),
+    )
+    for v in verdicts:
+        place = ".".join(part for part in (v.key.problem, v.key.engine) if part)
+        case = ElementTree.SubElement(suite, "testcase", classname=place, name=v.key.name)
+        if v.fails or v.word == "undecided":
+            kind = "error" if v.word == "failed" else "failure" if v.fails else "skipped"
+            found = ElementTree.SubElement(case, kind, message=_clean(f"{v.word}: {sentence(v)}"))
+            if kind != "skipped":
+                found.set("type", v.word)
+    root = ElementTree.Element("testsuites")
+    root.append(suite)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def markdown(verdicts: Sequence[Verdict], title: str) -> str:
+    """The verdicts as a Markdown table, what is not ok first."""
+    lines = [f"### {title}", "", f"{counts(verdicts) or 'no metrics'}", ""]
+    shown = [v for v in verdicts if v.word != "ok"]
+    shown += [v for v in verdicts if v.word == "ok"][: max(0, _SHOWN - len(shown))]
+    if shown:
+        lines += ["| verdict | metric | expected | found | change | tolerance |", "|---|---|---:|---:|---:|---:|"]
+        lines += ["| " + " | ".join(_cell(text) for text in row(v)) + " |" for v in shown]
+    if len(shown) < len(verdicts):
+        lines += ["", f"and {len(verdicts) - len(shown)} more that are ok"]
+    return "\n".join(lines) + "\n"
+
+
+def row(v: Verdict) -> tuple[str, ...]:
+    """A verdict as words: verdict, metric, expected, found, change with its interval, tolerance."""
+    unit = "" if v.unit == "1" else f" {v.unit}"
+    found = v.metric.value if v.metric and v.metric.values else None
+    change = v.change
+    if (share := v.relative()) is not None:
+        text, tolerance = _percent(share), f"{100 * v.margin / abs(v.expected.value):.2g}%" if v.expected else ""
+    else:
+        text = "" if change is None else f"{change.value:+.3g} [{change.low:+.3g}, {change.high:+.3g}]{unit}"
+        tolerance = f"{v.margin:.2g}{unit}" if v.margin == v.margin else ""
+    metric = f"{v.key}: {v.title}" + (f" ({v.detail})" if v.detail else "")
+    expected = f"{v.expected.value:.6g}{unit}" if v.expected else ""
+    return (v.word, metric, expected, "" if found is None else f"{found:.6g}{unit}", text, tolerance)
+
+
+def sentence(v: Verdict) -> str:
+    """A verdict in one line."""
+    _, _, expected, found, change, tolerance = row(v)
+    parts = [f"{v.title}: {found or 'no value'}"] if v.title != "run" else []
+    if expected:
+        parts.append(f"expected {expected} within {tolerance}" if tolerance else f"expected {expected}")
+    if change:
+        parts.append(f"change {change}")
+    return ", ".join([*parts, *filter(None, [v.detail])])
+
+
+def _percent(share: Interval) -> str:
+    if share.low == share.high:
+        return f"{100 * share.value:+.3g}%"
+    return f"{100 * share.value:+.3g}% [{100 * share.low:+.3g}, {100 * share.high:+.3g}]"
+
+
+def _cell(text: str) -> str:
+    return text.replace("\\", "\\\\").replace("|", "\\|").replace("\n", " ").replace("<", "&lt;")
+
+
+def _clean(text: str) -> str:
+    """Text without the control characters that XML 1.0 does not allow."""
+    return "".join(letter for letter in text if letter >= " " or letter in "\t\n")
