@@ -42,8 +42,8 @@ def check(
 ) -> None:
     """Compares quantities, checks of suites and speeds of runs with a baseline: one verdict for each metric.
 
-    A change beyond the tolerance with its whole interval of confidence is a regression; so are a metric that the runs do
-    not give and a failed run. Exit code 0: no regression; 1: there is one; 2: a usage error.
+    A change beyond the tolerance with its whole interval of confidence is a regression; so are a metric that the runs
+    do not give and a failed run. Exit code 0: no regression; 1: there is one; 2: a usage error.
     """
     with usage_errors():
         found = judge(gather(runs), baselines.load(baseline))
