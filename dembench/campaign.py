@@ -164,6 +164,7 @@ def carry_out(
     at_once: int = 1,
     fresh: bool = False,
     checkpoint: float = CHECKPOINT,
+    budget: float | None = None,
     judge: Judge = judge,
     beside_workload: bool = False,
     show: Callable[[list[Job]], None],
@@ -175,19 +176,20 @@ def carry_out(
         at_once: Largest number of runs at a time.
         fresh: Whether finished runs are run again, and interrupted ones from the start.
         checkpoint: Time between checkpoints of a result [s].
+        budget: Time after which no other run is started [s]; None for no limit.
         judge: Gives a finished run its verdict.
         beside_workload: Whether the reference workload is timed before and after each run.
         show: Called a few times per second with all jobs.
     """
     jobs = [Job(run, run.action(fresh)) for run in runs]
-    options = {
+    options: dict[str, Any] = {
         "judge": judge,
         "fresh": fresh,
         "checkpoint": checkpoint,
         "command": command_line(),
         "beside_workload": beside_workload,
     }
-    scheduler = Scheduler(jobs, available_cores(), at_once, **options)
+    scheduler = Scheduler(jobs, available_cores(), at_once, budget=budget, **options)
     with _signals() as asked_to_end:
         scheduler.start()
         try:

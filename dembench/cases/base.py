@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol
 
@@ -88,6 +88,21 @@ class Ratio:
     low: float
     high: float
     source: str
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What of a chaotic case is compared between ensembles of seeds.
+
+    Attributes:
+        curve: Observable whose curve is compared, with its component as in `zones.left`; empty for none.
+        cycles: Whether the curve swings, so that period, phase, amplitude and decay are compared, too.
+        numbers: Quantities that are compared, with what they are: `rate`, `depth`, `period` or `amplitude`.
+    """
+
+    curve: str = ""
+    cycles: bool = False
+    numbers: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -213,6 +228,10 @@ class Case(ABC):
     @abstractmethod
     def reference_curves(self, scene: Scene, parameters: Any, preset: Preset) -> list[Curve]:
         """Points known from publications and closed forms that hold for this scene, for figures."""
+
+    def statistics(self) -> Statistics:
+        """What is compared between ensembles of seeds."""
+        return Statistics()
 
     def run_times(self, parameters: Any, preset: Preset) -> list[RunTime]:
         """Run times that others have published of this case with these parameters; none of a preset of our own."""

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from dembench.cases import drum_scores, drum_views
-from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
+from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference, Statistics
 from dembench.cases.initial_states import (
     FACETS,
     bed,
@@ -155,6 +155,12 @@ class Drum(Case):
     def references(self, scene: Scene, parameters: DrumParameters, preset: Preset) -> list[Reference]:
         """See `Case.references`; changed contacts have none but the necessary ones."""
         return drum_scores.references(scene, parameters, preset)
+
+    def statistics(self) -> Statistics:
+        """See `Case.statistics`."""
+        return Statistics(
+            curve="zones.zone2.M1", cycles=True, numbers={"first_period": "period", "amplitude": "amplitude"}
+        )
 
     def reference_curves(self, scene: Scene, parameters: DrumParameters, preset: Preset) -> list[Curve]:
         """See `Case.reference_curves`."""

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from dembench.cases import impact_scores, impact_views
-from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference
+from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Recorded, Reference, Statistics
 from dembench.cases.initial_states import bed, given_coordinates, given_file, positions_digest
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published
 from dembench.cases.published_results import PublishedResult
@@ -127,6 +127,10 @@ class Impact(Case):
         """See `Case.references`; what holds depends on whether the bed is that of the published file."""
         known = parameters.bed if preset == "published" and not parameters.changed() else None
         return impact_scores.references(scene, published("impact"), known)
+
+    def statistics(self) -> Statistics:
+        """See `Case.statistics`."""
+        return Statistics(curve="ball_displacement", numbers={"deepest": "depth", "end_point": "depth"})
 
     def reference_curves(self, scene: Scene, parameters: ImpactParameters, preset: Preset) -> list[Curve]:
         """See `Case.reference_curves`."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from dembench.cases import silo_scores, silo_views
-from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Ratio, Recorded, Reference
+from dembench.cases.base import Case, CaseError, Curve, Preset, Quantity, Ratio, Recorded, Reference, Statistics
 from dembench.cases.initial_states import FACETS, bed, check_walls, given_coordinates, given_file, given_walls
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
 from dembench.cases.published_results import PublishedResult
@@ -169,6 +169,10 @@ class Silo(Case):
     def references(self, scene: Scene, parameters: SiloParameters, preset: Preset) -> list[Reference]:
         """See `Case.references`; changed contacts have none but the necessary ones."""
         return silo_scores.references(scene, parameters, preset)
+
+    def statistics(self) -> Statistics:
+        """See `Case.statistics`."""
+        return Statistics(curve="inside", numbers={"discharge_rate": "rate"})
 
     def reference_curves(self, scene: Scene, parameters: SiloParameters, preset: Preset) -> list[Curve]:
         """See `Case.reference_curves`."""

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dembench import __version__, console
-from dembench.cli import data, imports, initial, inspection, regression, results, run, verify
+from dembench.cli import data, imports, initial, inspection, regression, results, run, sweep, verify
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -23,6 +23,8 @@ for verb in (
     verify.verify,
     regression.check,
     regression.bless,
+    sweep.sweep,
+    sweep.advise,
     results.report,
     results.validate,
     results.export,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal, overload
@@ -201,6 +201,16 @@ class Checkpoint(Model):
     note: str = ""
 
 
+def order_with_dashpots(scene: Scene, midpoint: bool = False) -> float:
+    """Order of accuracy of velocity Verlet: 2, but 1 where dashpots take the velocity of half a step before.
+
+    Args:
+        scene: The scene; pairs with a restitution of 1 have no dashpots.
+        midpoint: Whether dashpots take the mean velocity of the step.
+    """
+    return 1.0 if any(pair.restitution < 1 for pair in scene.pair_laws) and not midpoint else 2.0
+
+
 FAILURES = ("nan", "lost particles", "energy", "tunnelling", "memory", "signal", "no output", "engine error")
 
 
@@ -267,6 +277,20 @@ class Engine(ABC):
     def law(self, scene: Scene, settings: Any) -> str:
         """Contact law that the engine computes for a scene, in a few words; empty where it is the scene's own law."""
         return ""
+
+    def order(self, scene: Scene, settings: Any) -> float | None:
+        """Order of accuracy in the time step that the method has in theory for a scene; None where none is known."""
+        return None
+
+    def passes(self, steps: int, settings: Mapping[str, Any], counters: Mapping[str, float]) -> float:
+        """Passes over the contacts in a run, the measure of work that no machine enters; one in a step by default.
+
+        Args:
+            steps: Time steps of the run.
+            settings: Its settings.
+            counters: The engine's own figures of it.
+        """
+        return float(steps)
 
     def estimate(self, scene: Scene, settings: Any) -> float | None:
         """Estimated wall time of a run [s], for planning; None where the engine has no guess."""

@@ -51,7 +51,17 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from dembench.engines.base import Checkpoint, Division, Engine, EngineSettings, Phase, Probe, Series, Timing
+from dembench.engines.base import (
+    Checkpoint,
+    Division,
+    Engine,
+    EngineSettings,
+    Phase,
+    Probe,
+    Series,
+    Timing,
+    order_with_dashpots,
+)
 from dembench.engines.liggghts_axes import renamed
 from dembench.engines.liggghts_deck import box, deck, legs, write_bodies
 from dembench.engines.liggghts_log import failure_in, last_step, timing_in
@@ -245,6 +255,10 @@ class Liggghts(Engine):
             failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
         timing = Timing(loop=sum(filter(None, loops)), source="engine") if ended else Timing()
         return Series(frames, tracks, timing, reached * settings.dt, failure, detail, counters)
+
+    def order(self, scene: Scene, settings: LiggghtsSettings) -> float:
+        """See `Engine.order`."""
+        return order_with_dashpots(scene)
 
     def estimate(self, scene: Scene, settings: LiggghtsSettings) -> float:
         """See `Engine.estimate`."""

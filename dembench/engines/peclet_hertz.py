@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from dembench.engines.base import Division, EngineSettings
+from dembench.engines.base import Division, EngineSettings, order_with_dashpots
 from dembench.engines.in_tree import InTree
 from dembench.scene import Scene
 
@@ -76,6 +76,10 @@ class PecletHertz(InTree):
         from dembench.solver.softening import softening_of
 
         return softening_of(scene).text()
+
+    def order(self, scene: Scene, settings: PecletHertzSettings) -> float:
+        """See `Engine.order`."""
+        return order_with_dashpots(scene, settings.midpoint)
 
     def estimate(self, scene: Scene, settings: PecletHertzSettings) -> float:
         """See `Engine.estimate`."""

@@ -227,10 +227,12 @@ def _format_logarithmic(axis: Axis) -> None:
 
 
 def _power(value: float, _: int | None = None) -> str:
-    """Label of a logarithmic axis: the number where it is short, else a power of ten."""
+    """Label of a logarithmic axis: the number where it is short, else a power of ten with its factor."""
     if 1e-2 <= value <= 1e4:
         return f"{value:g}"
-    return "10" + str(round(math.log10(value))).translate(_SUPERSCRIPTS)
+    mantissa, exponent = f"{value:.0e}".split("e")
+    power = "10" + str(int(exponent)).translate(_SUPERSCRIPTS)
+    return power if mantissa == "1" else f"{mantissa}·{power}"
 
 
 def _draw_range(ax: Axes, line: Line) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -37,18 +39,23 @@ class Job:
 class Scheduler:
     """Carries out planned runs in their order, as many at a time as cores and devices allow."""
 
-    def __init__(self, jobs: Sequence[Job], cores: Sequence[int], at_once: int, **options: Any) -> None:
+    def __init__(
+        self, jobs: Sequence[Job], cores: Sequence[int], at_once: int, *, budget: float | None = None, **options: Any
+    ) -> None:
         """Prepares the jobs.
 
         Args:
             jobs: The jobs.
             cores: Numbers of the cores that may be used.
             at_once: Largest number of runs at a time.
+            budget: Time after which no other run is started [s]; those that go on then come to their end. None for no
+                limit.
             options: Passed on to each `Supervisor`.
         """
         self.jobs = list(jobs)
         self.stop = threading.Event()
         self._free, self._at_once, self._options = sorted(cores), at_once, options
+        self._last_start = math.inf if budget is None else time.monotonic() + budget
         self._changed = threading.Condition()
         self._running: list[Job] = []
         self._waiting = [job for job in self.jobs if job.action in ("run", "resume")]
@@ -79,9 +86,10 @@ class Scheduler:
 
     def _start_next(self) -> None:
         """Starts the first waiting runs that fit; the condition is held."""
-        if self.stop.is_set():
+        spent = time.monotonic() > self._last_start
+        if self.stop.is_set() or spent:
             for job in self._waiting:
-                job.progress.note = "not started"
+                job.progress.note = "not started: the budget is spent" if spent else "not started"
             self._waiting.clear()
         while self._waiting and len(self._running) < self._at_once:
             job = self._waiting[0]

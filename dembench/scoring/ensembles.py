@@ -35,6 +35,10 @@ class Margin:
         """The margin in the unit of the quantity."""
         return self.value * abs(reference) if self.relative else self.value
 
+    def text(self) -> str:
+        """In words: `2 %`, or a number in the unit of the quantity."""
+        return f"{100 * self.value:g} %" if self.relative else f"{self.value:g}"
+
 
 MARGINS = {
     "rate": Margin(0.02),

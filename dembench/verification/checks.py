@@ -57,6 +57,8 @@ class Check:
         kind: Kind of the expected value.
         scene_law: Whether it holds for the contact law of the scene only: it does not apply to an engine that computes
             another law.
+        scale: What a relative error of one is, in `unit`, where the expected value is zero or near it; None takes the
+            expected value.
     """
 
     id: str
@@ -69,6 +71,7 @@ class Check:
     sense: Sense = "within"
     kind: Kind = "closed form"
     scene_law: bool = False
+    scale: float | None = None
 
     def accepts(self, measured: float) -> bool:
         """Whether a value is near enough; what is no number never is."""
