@@ -39,9 +39,7 @@ SEEDS, REPEATS = 5, 3
 def sweep(
     what: Annotated[
         str,
-        typer.Argument(
-            metavar="TARGET", help="case3[bed=25k], a scene file *.json, or an experiment such as hertz_bounce"
-        ),
+        typer.Argument(metavar="TARGET", help="a case as case3, a scene file *.json, or an experiment as hertz_bounce"),
     ],
     engines: Engines = None,
     knob: Annotated[str, typer.Option(help="setting that is swept: dt, substeps, arithmetic, ...")] = knobs.DT,

@@ -60,7 +60,7 @@ from dembench.engines.base import (
     Probe,
     Series,
     Timing,
-    order_with_dashpots,
+    order_of_contacts,
 )
 from dembench.engines.liggghts_axes import renamed
 from dembench.engines.liggghts_deck import box, deck, legs, write_bodies
@@ -258,7 +258,7 @@ class Liggghts(Engine):
 
     def order(self, scene: Scene, settings: LiggghtsSettings) -> float:
         """See `Engine.order`."""
-        return order_with_dashpots(scene)
+        return order_of_contacts(scene, lagging=True)
 
     def estimate(self, scene: Scene, settings: LiggghtsSettings) -> float:
         """See `Engine.estimate`."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from dembench.engines.base import Division, EngineSettings
+from dembench.engines.base import Division, EngineSettings, order_of_contacts
 from dembench.engines.in_tree import InTree
 from dembench.scene import Rigid, Scene, features
 
@@ -95,14 +95,13 @@ class Peclet(InTree):
         return "rigid contacts with restitution and Coulomb friction"
 
     def order(self, scene: Scene, settings: PecletSettings) -> float | None:
-        """See `Engine.order`: 1 with rigid rows, 2 with compliant ones whose substeps are fixed.
+        """See `Engine.order`: 1 with rigid rows; as many substeps as contacts need leave nothing to the step.
 
-        Compliant rows take the mean elastic force over their way in the middle of a substep. As many substeps as the
-        stiffest contact needs leave nothing to the step.
+        Compliant rows take the mean force over their way in the middle of a substep, a method of second order.
         """
         if settings.rows == "rigid":
             return 1.0
-        return None if settings.substeps is None else 2.0
+        return None if settings.substeps is None else order_of_contacts(scene, lagging=False)
 
     def passes(self, steps: int, settings: Mapping[str, Any], counters: Mapping[str, float]) -> float:
         """See `Engine.passes`: the sweeps that were made."""

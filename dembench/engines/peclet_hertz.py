@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from dembench.engines.base import Division, EngineSettings, order_with_dashpots
+from dembench.engines.base import Division, EngineSettings, order_of_contacts
 from dembench.engines.in_tree import InTree
 from dembench.scene import Scene
 
@@ -79,7 +79,7 @@ class PecletHertz(InTree):
 
     def order(self, scene: Scene, settings: PecletHertzSettings) -> float:
         """See `Engine.order`."""
-        return order_with_dashpots(scene, settings.midpoint)
+        return order_of_contacts(scene, lagging=not settings.midpoint)
 
     def estimate(self, scene: Scene, settings: PecletHertzSettings) -> float:
         """See `Engine.estimate`."""

@@ -14,6 +14,7 @@ from dembench.reports.pages import write_page
 from dembench.reports.precision_figures import plots, profile_plot
 from dembench.reports.svg import variable
 from dembench.reports.tables import Cell, Column, Table, numbers, significant
+from dembench.scoring.precision import Order
 from dembench.verification.precision import knobs
 from dembench.verification.precision.levels import BAND, LEVELS, cheapest_settings, levels, measured_order
 from dembench.verification.precision.store import Point, Sweep
@@ -102,11 +103,7 @@ def _cheapest(sweeps: Sequence[Sweep]) -> Table:
     """Cheapest setting that reaches each level, one row per sweep and engine."""
     names = [*LEVELS, *([BAND] if any(BAND in levels(s) for s in sweeps) else [])]
     columns = [Column("Target", kind="long"), Column("Engine", kind="long")]
-    for level in names:
-        columns += [
-            Column(f"Setting for {level}", kind="wrap", note="cheapest one that reaches it in every measure"),
-            Column(f"Time for {level}", "s", "number", "median time of the stepping loop"),
-        ]
+    columns += [Column(level, "s", "number", "loop time and setting that reach it in every measure") for level in names]
     rows = []
     for sweep in sweeps:
         settings = cheapest_settings(sweep)
@@ -116,20 +113,20 @@ def _cheapest(sweeps: Sequence[Sweep]) -> Table:
             for level in names:
                 one = own.get(level)
                 if one is None:
-                    cells += [Cell(), Cell()]
+                    cells.append(Cell())
                 elif one.point is None or one.point.loop is None:
-                    cells += [Cell("not reached", mark="outside", detail=one.limit), Cell()]
+                    cells.append(Cell("not reached", mark="outside", detail=one.limit))
                 else:
-                    time = one.point.loop.median
-                    flags = "c" if one.point.contended else ""
-                    cells += [Cell(sweep.words(one.value)), Cell(significant(time, 3), time, flags=flags)]
+                    time, flags = one.point.loop.median, "c" if one.point.contended else ""
+                    cells.append(Cell(significant(time, 3), time, detail=sweep.words(one.value), flags=flags))
             rows.append(tuple(cells))
     return Table(
         "cheapest",
         "Cheapest setting that reaches an error",
         tuple(columns),
         tuple(rows),
-        "The error is the largest of all measures of the target. Below the band of the seeds nothing is ranked.",
+        "Time of the stepping loop. The error is the largest of all measures of the target. Below the band of the "
+        "seeds nothing is ranked.",
         footnotes=("c: contended, other programs used its cores, so the time is overstated.",),
     )
 
@@ -143,34 +140,34 @@ def _orders(sweep: Sweep, name: str) -> Table:
     columns = (
         Column("Engine", kind="long"),
         Column("Measure", kind="long"),
-        Column("Measured order", kind="number", note="slope of log error over log step, total error"),
+        Column("Total error", "order", "number", "slope of log error over log step"),
         Column("95 % interval", kind="number"),
-        Column("Points", kind="number", note="in the regression"),
-        Column("Theory", kind="number", note="of the method for this scene; empty where the step decides nothing"),
+        Column("Own limit", "order", "number", "of the distance to the engine's own finest run"),
+        Column("95 % interval", kind="number"),
+        Column("Theory", "order", "number", "of the method for this scene; empty where the step decides nothing"),
     )
     rows = []
     for variant in sweep.variants():
         points = [p for p in sweep.of(variant) if p.state == "ok"]
         for measure in sweep.measures:
-            if measure.kind not in ("closed form", "path") or not points:
-                continue
-            found = measured_order(points, measure.name)
-            theory = points[0].order
-            rows.append(
-                (
-                    _engine_cell(variant),
-                    Cell(measure.title),
-                    Cell("none shows") if found is None else Cell(f"{found.slope:.2f}", found.slope),
-                    Cell() if found is None else Cell(f"{found.low:.2f} to {found.high:.2f}", found.low),
-                    Cell() if found is None else Cell(str(found.points), found.points),
-                    Cell() if theory is None else Cell(f"{theory:g}", theory),
-                )
-            )
+            if measure.kind in ("closed form", "path") and points:
+                total, own = (_order_cells(measured_order(points, measure.name, own)) for own in (False, True))
+                theory = points[0].order
+                last = Cell() if theory is None else Cell(f"{theory:g}", theory)
+                rows.append((_engine_cell(variant), Cell(measure.title), *total, *own, last))
     note = (
         "Errors above 0.3 and those within a factor of two of the smallest, with everything finer, are left out: there "
         "no order holds, or rounding and the limit of the model show."
     )
     return Table(f"{name}-orders", "Order of accuracy in the time step", columns, tuple(rows), note)
+
+
+def _order_cells(found: Order | None) -> tuple[Cell, Cell]:
+    """An order with its interval and number of points."""
+    if found is None:
+        return Cell("none shows"), Cell()
+    interval = f"{found.low:.2f} to {found.high:.2f} ({found.points} points)"
+    return Cell(f"{found.slope:.2f}", found.slope), Cell(interval, found.low)
 
 
 def _points(sweep: Sweep, name: str) -> Table:

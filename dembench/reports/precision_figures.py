@@ -75,7 +75,7 @@ def _diagram(
         title=title,
         caption=" ".join(
             [
-                f"{sweep.problem.title}; one line per engine, one point per value of {sweep.knob}.",
+                f"{sweep.problem.title}; one line per engine through its values of {sweep.knob}, coarse to fine.",
                 "Left: total error; right: distance to the engine's own finest run, which says nothing about the law.",
                 "Triangles at the top: no result." if any(p.state != "ok" for p in sweep.points) else "",
                 "Dotted line: what no other point beats in both." if front else "",
@@ -107,13 +107,12 @@ def _panel(sweep: Sweep, measure: Measure, label: str, axis: Axis, *, total: boo
         known = [(at, e, p) for p in points if (at := axis(p)) and (e := _error(p, measure.name, total))]
         if known:
             x, y = np.array([at for at, _, _ in known]), np.array([e for _, e, _ in known])
-            order = np.argsort(x)
             ends = [p.error(measure.name) for _, _, p in known]
             bars = total and all(e is not None and e.low is not None and e.high is not None for e in ends)
             floor = 0.3 * low
-            below = np.array([max(e.low or 0.0, floor) for e in ends if e is not None])[order] if bars else None
-            above = np.array([e.high or 0.0 for e in ends if e is not None])[order] if bars else None
-            lines.append(Line(variant, x[order], y[order], colour, style, low=below, high=above))
+            below = np.array([max(e.low or 0.0, floor) for e in ends if e is not None]) if bars else None
+            above = np.array([e.high or 0.0 for e in ends if e is not None]) if bars else None
+            lines.append(Line(variant, x, y, colour, style, low=below, high=above))
             shown += zip(x.tolist(), y.tolist(), strict=True)
         lost = [p for p in points if p.state not in ("ok", "not run", "skipped", "missing")]
         if lost and total:

@@ -63,7 +63,7 @@ def order(steps: Sequence[float], errors: Sequence[float]) -> Order | None:
     """
     h, e = np.asarray(steps, dtype=float), np.asarray(errors, dtype=float)
     known = np.isfinite(e) & (e > 0) & (e < COARSE)
-    if not known.any():
+    if known.sum() < LEAST_POINTS:
         return None
     h, e = h[known], e[known]
     least = int(np.argmin(e))

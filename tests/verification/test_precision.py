@@ -39,7 +39,7 @@ def test_restitution_and_contact_time_are_read_off_the_end():
     apart = speed * (scene.duration - problems.gaps() / problems.SPEED - contact)
     x = np.stack([-0.5, 0.5]) * (2 * problems.RADIUS + apart)[:, None]
     v = np.tile([-0.5 * speed, 0.5 * speed], (problems.PAIRS, 1))
-    end = SimpleNamespace(position=np.zeros((1, 32, 3)), velocity=np.zeros((1, 32, 3)))
+    end = SimpleNamespace(position=np.zeros((1, 512, 3)), velocity=np.zeros((1, 512, 3)))
     end.position[0, :, 0], end.velocity[0, :, 0] = x.ravel(), v.ravel()
     restitution, duration = problems.rebounds(SimpleNamespace(scene=scene, snapshots={"end": end}))  # type: ignore[arg-type]
     np.testing.assert_allclose(restitution, 0.8)

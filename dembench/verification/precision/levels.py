@@ -83,10 +83,18 @@ def cheapest_settings(sweep: Sweep) -> list[Cheapest]:
     return found
 
 
-def measured_order(points: list[Point], measure: str) -> Order | None:
-    """Order of accuracy of the points of a variant in one measure, from their total errors; None where none shows."""
-    known = [(p.dt, e.total) for p in points if (e := p.error(measure)) is not None and e.total is not None]
-    return order([dt for dt, _ in known], [error for _, error in known]) if known else None
+def measured_order(points: list[Point], measure: str, own: bool = False) -> Order | None:
+    """Order of accuracy of the points of a variant in one measure; None where none shows.
+
+    Args:
+        points: The points.
+        measure: Name of the measure.
+        own: Of the distance to the engine's own limit, which shows an order where another law hides it, and not of the
+            total error.
+    """
+    errors = [(point.dt, point.error(measure)) for point in points]
+    known = [(dt, e.own if own else e.total) for dt, e in errors if e is not None]
+    return order([dt for dt, e in known if e is not None], [e for _, e in known if e is not None])
 
 
 def costs(sweeps: list[Sweep], level: str) -> dict[str, dict[str, float]]:

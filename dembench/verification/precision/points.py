@@ -77,7 +77,7 @@ def _state(group: Group) -> tuple[State, str]:
 def _of_run(run: PlannedRun) -> tuple[str, str]:
     status = run.directory.status()
     if status is None:
-        return "not run", "the budget was spent before"
+        return "not run", "the command ended before"
     if status.state in MEASURED:
         return "ok", ""
     state = status.state if status.state in WORST else "interrupted"

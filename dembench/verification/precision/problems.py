@@ -18,8 +18,9 @@ from dembench.scene import Bodies, Domain, Material, PairLaw, Plane, Scene, Snap
 from dembench.verification.checks import Check, Experiment, Suite, on_one_scene
 
 RADIUS, DENSITY, POISSON = 5e-3, 2500.0, 0.3
-PAIRS, SPEED, YOUNG = 16, 2.0, 1e8
-"""Head-on pairs, their relative speed [m/s] and Young's modulus [Pa]."""
+ROWS, SPEED, YOUNG = 16, 2.0, 1e8
+"""Rows of as many head-on pairs, their relative speed [m/s] and Young's modulus [Pa]."""
+PAIRS = ROWS**2
 RESTITUTION = 0.5
 BALLS, FLOOR_YOUNG, FRICTION, GRAVITY = 8, 1e7, 0.3, 9.81
 SPEEDS = np.linspace(0.15, 0.25, BALLS)
@@ -83,8 +84,8 @@ def bounce(restitution: float, name: str) -> Scene:
     """Pairs of spheres that meet head-on without gravity, a contact time of the elastic ones over 50 a step."""
     apart, contact = gaps(), collision(1.0).duration
     half = RADIUS + 0.5 * apart
-    y = 3 * RADIUS * np.arange(PAIRS)
-    position = np.stack([np.stack([side * half, y, np.zeros(PAIRS)], axis=1) for side in (-1, 1)], axis=1)
+    y, z = 3 * RADIUS * np.stack(np.divmod(np.arange(PAIRS), ROWS))
+    position = np.stack([np.stack([side * half, y, z], axis=1) for side in (-1, 1)], axis=1)
     velocity = np.stack([np.tile([-side * 0.5 * SPEED, 0, 0], (PAIRS, 1)) for side in (-1, 1)], axis=1)
     duration = 3 * contact
     return Scene(
@@ -93,7 +94,7 @@ def bounce(restitution: float, name: str) -> Scene:
         pair_laws=(PairLaw(a="glass", b="glass", restitution=restitution, friction=0),),
         species=(Species(name="sphere", material="glass", radius=RADIUS),),
         bodies=Bodies(position=position.reshape(-1, 3), velocity=velocity.reshape(-1, 3)),
-        domain=Domain(lower=(-0.03, -0.03, -0.03), upper=(0.03, float(y[-1]) + 0.03, 0.03)),
+        domain=Domain(lower=(-0.03, -0.03, -0.03), upper=(0.03, float(y[-1]) + 0.03, float(z[-1]) + 0.03)),
         gravity=(0, 0, 0),
         duration=duration,
         time_step=contact / 50,
@@ -169,8 +170,8 @@ def suite() -> Suite:
 
     def pairs(name: str, title: str, e: float, source: str) -> Experiment:
         checks = (
-            _deviation(f"{name}_restitution", "Restitution, rms deviation of 16 pairs", 0.01, source),
-            _deviation(f"{name}_duration", "Contact time, rms deviation of 16 pairs", 0.01, source),
+            _deviation(f"{name}_restitution", "Restitution, rms deviation of 256 pairs", 0.01, source),
+            _deviation(f"{name}_duration", "Contact time, rms deviation of 256 pairs", 0.01, source),
         )
         return on_one_scene(name, title, lambda: bounce(e, name), _bounced(e, name), checks, "long")
 

@@ -100,7 +100,7 @@ def _notes(
         )
     left = sum(point.state == "not run" for point in points)
     if left:
-        found.append(f"{left} of {len(points)} points were not run, as the budget was spent.")
+        found.append(f"{left} of {len(points)} points were not run: the budget was spent. The same command goes on.")
     return tuple(found)
 
 
