@@ -208,7 +208,7 @@ def _points(sweep: Sweep, name: str) -> Table:
             numbers([p.passes for p in ordered], digits=1, most=0),
         ),
         (Column("Seeds", kind="number"), numbers([p.seeds for p in ordered], digits=1)),
-        (Column("Precision", kind="long"), [Cell(p.precision) for p in ordered]),
+        (Column("Precision", kind="line"), [Cell(p.precision) for p in ordered]),
     ]
     rows = tuple(tuple(cells[k] for _, cells in columns) for k in range(len(ordered)))
     return Table(

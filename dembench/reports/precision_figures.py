@@ -24,6 +24,8 @@ KINDS: dict[Class, tuple[str, str]] = {
 """Title and vertical axis of the diagram of each kind of error."""
 TOP = 3.0
 """Height at which runs without a result stand, over the largest error."""
+SEEDS, REFERENCES = "what the seeds alone make", "how far the references still move"
+"""What the grey band is: of ensembles, and of paths."""
 Axis = Callable[[Point], float | None]
 
 
@@ -79,7 +81,7 @@ def _diagram(
                 "Left: total error; right: distance to the engine's own finest run, which says nothing about the law.",
                 "Triangles at the top: no result." if any(p.state != "ok" for p in sweep.points) else "",
                 "Dotted line: what no other point beats in both." if front else "",
-                "Grey band: what the seeds alone make; nothing is ranked in it." if bands else "",
+                f"Grey band: {_band_words(measures[0])}; nothing is ranked in it." if bands else "",
             ]
         ).strip(),
         x_label=x_label,
@@ -158,7 +160,11 @@ def _band(sweep: Sweep, measure: Measure, shown: Sequence[tuple[float, float]], 
         return []
     x = np.geomspace(*_ends(shown), 21)
     edge = np.full(21, max(bands))
-    return [Known("the seeds alone", x, edge, np.full(21, min(0.3 * low, 0.3 * max(bands))), edge, points=False)]
+    return [Known(_band_words(measure), x, edge, 0.3 * np.minimum(low, edge), edge, points=False)]
+
+
+def _band_words(measure: Measure) -> str:
+    return REFERENCES if measure.kind == "path" else SEEDS
 
 
 def _envelope(shown: Sequence[tuple[float, float]]) -> list[Known]:

@@ -99,7 +99,7 @@ def test_a_run_without_a_result_stands_at_the_top(shown) -> None:
 def test_the_band_of_the_seeds_and_the_front_are_drawn(shown) -> None:
     """The band ends at what the seeds make; the front has every point that no other beats."""
     known = {k["label"]: k for k in shown.figures["one-dt-number-time"].data["panels"][0]["known"]}
-    assert set(known["the seeds alone"]["high"]) == {BAND}
+    assert set(known["what the seeds alone make"]["high"]) == {BAND}
     assert known["best of all"]["y"] == pytest.approx([0.4, 0.1, 0.025, 0.00625])
 
 

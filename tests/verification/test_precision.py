@@ -133,6 +133,8 @@ def test_the_own_limit_and_the_law_are_two_errors_of_a_path(monkeypatch):
     found = dict(zip(seen, paths.errors(list(made.values()), known, ["a", "b"]), strict=True))
     assert (found["a", 1][0].total, found["a", 1][0].own) == pytest.approx((0.1005, 0.0005))
     assert found["a", 2][0].own is None, "the limit has no distance to itself"
+    assert found["b", 0][0].band == pytest.approx(0.0005), "what its reference still moves"
+    assert found["a", 2][0].band == pytest.approx(0.01)
     assert found["b", 1][0].total == pytest.approx(0.1), "measured against the other engine, not against itself"
     assert found["a[x=1]", 0][0].total == pytest.approx(0.5), "another setting of the same engine is no reference"
 

@@ -84,7 +84,7 @@ def cheapest_settings(sweep: Sweep) -> list[Cheapest]:
 
 
 def measured_order(points: list[Point], measure: str, own: bool = False) -> Order | None:
-    """Order of accuracy of the points of a variant in one measure; None where none shows.
+    """Order of accuracy of the points of a variant in one measure, above its band; None where none shows.
 
     Args:
         points: The points.
@@ -93,8 +93,9 @@ def measured_order(points: list[Point], measure: str, own: bool = False) -> Orde
             total error.
     """
     errors = [(point.dt, point.error(measure)) for point in points]
-    known = [(dt, e.own if own else e.total) for dt, e in errors if e is not None]
-    return order([dt for dt, e in known if e is not None], [e for _, e in known if e is not None])
+    known = [(dt, e.own if own else e.total, 0.0 if own else e.band) for dt, e in errors if e is not None]
+    shown = [(dt, e) for dt, e, band in known if e is not None and e > band]
+    return order([dt for dt, _ in shown], [e for _, e in shown])
 
 
 def costs(sweeps: list[Sweep], level: str) -> dict[str, dict[str, float]]:

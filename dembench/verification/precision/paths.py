@@ -37,12 +37,17 @@ class Limits:
     Attributes:
         finest: Rank and paths of the finest point of each variant that came to its end.
         horizon: Time at which paths diverge [s]; infinite where it is not reached.
-        converged: Whether the limit of each variant has settled.
+        moved: Distance of the two finest points of each variant that has two, in diameters [-].
     """
 
     finest: dict[str, tuple[int, Paths]]
     horizon: float
-    converged: dict[str, bool | None]
+    moved: dict[str, float]
+
+    @property
+    def converged(self) -> dict[str, bool | None]:
+        """Whether the limit of each variant has settled; None with one point."""
+        return {v: self.moved[v] <= SETTLED if v in self.moved else None for v in self.finest}
 
 
 def measures(references: Sequence[str]) -> tuple[Measure, ...]:
@@ -50,7 +55,7 @@ def measures(references: Sequence[str]) -> tuple[Measure, ...]:
     return (
         Measure(
             name=NAME,
-            title="Paths, root mean square over bodies and times",
+            title="Paths, root mean square",
             kind="path",
             unit="diameters",
             scale="a diameter",
@@ -85,28 +90,30 @@ def limits(groups: Sequence[Group]) -> Limits:
     horizon = min(
         (_horizon(group, *finest[group.variant]) for group in groups if group.variant in finest), default=math.inf
     )
-    converged = {
-        variant: _error(before[variant], seen, horizon) <= SETTLED if variant in before else None
-        for variant, (_, seen) in finest.items()
-    }
-    return Limits(finest, horizon, converged)
+    moved = {variant: _error(seen, finest[variant][1], horizon) for variant, seen in before.items()}
+    return Limits(finest, horizon, moved)
 
 
 def errors(groups: Sequence[Group], known: Limits, references: Sequence[str]) -> list[tuple[Error, ...]]:
-    """The errors of each point: total against the limits of the other references, own against that of its variant."""
+    """The errors of each point: total against the limits of the other references, own against that of its variant.
+
+    Codes with the same method and the same finest step have the same error there, which no comparison shows: the band
+    is what the references themselves still move.
+    """
     made: list[tuple[Error, ...]] = []
     for group in groups:
         seen = _paths(group)
         if seen is None:
             made.append(())
             continue
-        others = [known.finest[r][1] for r in references if r in known.finest and not _same(r, group)]
-        totals = [_error(seen, other, known.horizon) for other in others]
+        others = [r for r in references if r in known.finest and not _same(r, group)]
+        totals = [_error(seen, known.finest[r][1], known.horizon) for r in others]
+        band = max((known.moved.get(r, 0.0) for r in others), default=0.0)
         rank, limit = known.finest[group.variant]
         own = _error(seen, limit, known.horizon) if rank != group.value.rank else None
         total = float(np.mean(totals)) if totals else None
         low, high = (min(totals), max(totals)) if len(totals) > 1 else (None, None)
-        made.append((Error(measure=NAME, total=total, own=own, low=low, high=high),))
+        made.append((Error(measure=NAME, total=total, own=own, low=low, high=high, band=band),))
     return made
 
 

@@ -50,7 +50,7 @@ class Error(Model):
         total: Distance to the law of the scene: to the closed form, or to other codes; None where it is not known.
         own: Distance to the limit of the engine itself as the setting is refined; None for that limit.
         low, high: Interval of the total error; None without one.
-        band: Error that the seeds alone make; below it nothing is ranked. 0 where nothing scatters.
+        band: Error that the seeds alone make, or what references of paths still move; below it nothing is ranked.
         verdict: `equivalent`, `different` or `undecided` against the margin; empty without a margin.
     """
 
