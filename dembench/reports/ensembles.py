@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
-import statistics
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,33 +13,8 @@ from dembench.reports.entries import Ensemble, Group
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers
 from dembench.reports.units import labelled, shown_in
+from dembench.scoring.ensembles import Ensemble as Seeds
 from dembench.scoring.score import Score
-
-
-@dataclass(frozen=True)
-class Spread:
-    """A sample of one quantity [in its unit].
-
-    Attributes:
-        values: One per seed, at least one.
-    """
-
-    values: tuple[float, ...]
-
-    @property
-    def mean(self) -> float:
-        """Arithmetic mean."""
-        return statistics.fmean(self.values)
-
-    @property
-    def deviation(self) -> float | None:
-        """Standard deviation of the population that the sample is drawn from (n − 1); None for one value."""
-        return statistics.stdev(self.values) if len(self.values) > 1 else None
-
-    @property
-    def error(self) -> float | None:
-        """Standard error of the mean; None for one value."""
-        return None if self.deviation is None else self.deviation / math.sqrt(len(self.values))
 
 
 def ensembles(group: Group) -> Table | None:
@@ -96,12 +68,12 @@ def _distinct(ensemble: Ensemble) -> list[Score]:
 
 def _rows(scored: Sequence[tuple[Ensemble, Score]], sources: Sequence[str]) -> list[tuple[Cell, ...]]:
     """The rows of one quantity, with the same number of decimals in all."""
-    spreads = [_spread(ensemble, score) for ensemble, score in scored]
+    spreads = [Seeds(ensemble.values(score.quantity.name)) for ensemble, score in scored]
     bounds = [b for _, s in scored if s.reference for b in (s.reference.value, s.reference.low, s.reference.high)]
-    known = [v for spread in spreads for v in spread.values] + [b for b in bounds if b is not None]
+    known = [v for spread in spreads for v in spread.values.tolist()] + [b for b in bounds if b is not None]
     factor, unit = shown_in(scored[0][1].quantity.unit, known)
     places = decimals([factor * v for v in known], digits=4, most=4)
-    scatter = [factor * v for spread in spreads for v in (spread.deviation, spread.error) if v]
+    scatter = [factor * v for spread in spreads for v in _scatter(spread) if v]
     fine = decimals(scatter, digits=2, most=5)
 
     def cell(value: float | None, digits: int = places, detail: str = "") -> Cell:
@@ -119,9 +91,8 @@ def _rows(scored: Sequence[tuple[Ensemble, Score]], sources: Sequence[str]) -> l
                 Cell(unit),
                 run_cell(ensemble),
                 Cell(str(len(spread.values)), len(spread.values)),
-                cell(spread.mean),
-                cell(spread.deviation, fine),
-                cell(spread.error, fine),
+                cell(float(spread.mean)),
+                *(cell(value, fine) for value in _scatter(spread)),
                 _range(spread, factor, places),
                 cell(reference.value, places, source) if reference else Cell(),
                 Cell(span(reference.low, reference.high, factor, places) if reference else ""),
@@ -131,14 +102,19 @@ def _rows(scored: Sequence[tuple[Ensemble, Score]], sources: Sequence[str]) -> l
     return rows
 
 
-def _range(spread: Spread, factor: float, places: int) -> Cell:
-    if spread.deviation is None:
+def _scatter(spread: Seeds) -> tuple[float | None, float | None]:
+    """Standard deviation and standard error; None of one seed."""
+    return (float(spread.deviation), float(spread.error)) if len(spread) > 1 else (None, None)
+
+
+def _range(spread: Seeds, factor: float, places: int) -> Cell:
+    if len(spread) < 2:
         return Cell()
     low, high = min(spread.values), max(spread.values)
     return Cell(span(low, high, factor, places), factor * low)
 
 
-def _tone(inside: int, spread: Spread) -> str:
+def _tone(inside: int, spread: Seeds) -> str:
     return "within" if inside == len(spread.values) else "outside"
 
 
@@ -147,10 +123,6 @@ def _inside(value: float, score: Score) -> bool:
     reference = score.reference
     assert reference is not None
     return (reference.low is None or value >= reference.low) and (reference.high is None or value <= reference.high)
-
-
-def _spread(ensemble: Ensemble, score: Score) -> Spread:
-    return Spread(tuple(ensemble.values(score.quantity.name)))
 
 
 def single_runs(group: Group) -> Table | None:
@@ -216,10 +188,10 @@ def _seed_panel(group: Group, name: str) -> Panel | None:
     ends = np.linspace(min(seeds) - 0.3, max(seeds) + 0.3, 21)
     lines = []
     for k, (ensemble, pairs) in enumerate(found):
-        colour, spread = ensemble.shown.look.colour, Spread(tuple(factor * pairs[:, 1]))
+        colour, spread = ensemble.shown.look.colour, Seeds(factor * pairs[:, 1])
         style = ensemble.members[0].style
         lines.append(Line(ensemble.label, pairs[:, 0], factor * pairs[:, 1], colour, k, points=True))
-        if spread.deviation is not None:
+        if len(spread) > 1:
             mean = np.full_like(ends, spread.mean)
             band = mean - spread.deviation, mean + spread.deviation
             lines.append(Line(f"{ensemble.label}, mean", ends, mean, colour, style, low=band[0], high=band[1]))

@@ -144,7 +144,7 @@ def _orders(sweep: Sweep, name: str) -> Table:
         Column("95 % interval", kind="number"),
         Column("Own limit", "order", "number", "of the distance to the engine's own finest run"),
         Column("95 % interval", kind="number"),
-        Column("Theory", "order", "number", "of the method for this scene; empty where the step decides nothing"),
+        Column("Theory", "order", "number", "of the method for this scene; empty where it divides its steps by itself"),
     )
     rows = []
     for variant in sweep.variants():
@@ -156,8 +156,8 @@ def _orders(sweep: Sweep, name: str) -> Table:
                 last = Cell() if theory is None else Cell(f"{theory:g}", theory)
                 rows.append((_engine_cell(variant), Cell(measure.title), *total, *own, last))
     note = (
-        "Errors above 0.3 and those within a factor of two of the smallest, with everything finer, are left out: there "
-        "no order holds, or rounding and the limit of the model show."
+        "Errors above 0.3 and below 1e-7, and those within a factor of two of the smallest, with everything finer, are "
+        "left out: there no order holds, or rounding and the limit of the model show."
     )
     return Table(f"{name}-orders", "Order of accuracy in the time step", columns, tuple(rows), note)
 

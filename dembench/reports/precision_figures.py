@@ -78,7 +78,7 @@ def _diagram(
         caption=" ".join(
             [
                 f"{sweep.problem.title}; one line per engine through its values of {sweep.knob}, coarse to fine.",
-                "Left: total error; right: distance to the engine's own finest run, which says nothing about the law.",
+                "Own limit: distance to the engine's own finest run, which says nothing about the law.",
                 "Triangles at the top: no result." if any(p.state != "ok" for p in sweep.points) else "",
                 "Dotted line: what no other point beats in both." if front else "",
                 f"Grey band: {_band_words(measures[0])}; nothing is ranked in it." if bands else "",

@@ -10,6 +10,8 @@ from scipy import stats
 
 COARSE = 0.3
 """Error above which a step is too coarse to show an order of accuracy [-]."""
+ROUNDING = 1e-7
+"""Error below which single precision rounds [-]."""
 FLOOR = 2.0
 """Multiple of its smallest error up to which a method shows its limit, not its order [-]."""
 LEAST_POINTS = 3
@@ -51,8 +53,8 @@ class Order:
 def order(steps: Sequence[float], errors: Sequence[float]) -> Order | None:
     """Order of accuracy by regression of log error on log step.
 
-    Left out are errors above `COARSE`, where no expansion holds, and everything from the smallest error on towards
-    finer steps together with errors within `FLOOR` of it: there rounding or the limit of the model shows.
+    Left out are errors above `COARSE`, where no expansion holds, those below `ROUNDING`, and everything from the
+    smallest error on towards finer steps, with errors within `FLOOR` of it: there rounding or the model's limit shows.
 
     Args:
         steps: Time steps [s].
@@ -62,7 +64,7 @@ def order(steps: Sequence[float], errors: Sequence[float]) -> Order | None:
         The order; None with fewer than `LEAST_POINTS` points, as of an error that does not follow the step.
     """
     h, e = np.asarray(steps, dtype=float), np.asarray(errors, dtype=float)
-    known = np.isfinite(e) & (e > 0) & (e < COARSE)
+    known = np.isfinite(e) & (e > ROUNDING) & (e < COARSE)
     if known.sum() < LEAST_POINTS:
         return None
     h, e = h[known], e[known]

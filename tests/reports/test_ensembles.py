@@ -7,7 +7,6 @@ import pytest
 from reading import Page
 from synthetic import add_run, impact, registered, series
 
-from dembench.reports.ensembles import Spread
 from dembench.reports.report import render
 from dembench.runs.directory import find_runs
 from dembench.scene import Bodies, Scene
@@ -35,15 +34,6 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
                 add_run(out, seeded(seed), engine, observables=found, loop=100.0 + seed, seed=seed)
         add_run(out, seeded(0), "gamma", observables=series(seeded(0), -0.1384, 1.3), loop=50.0)
         return Page(render(find_runs(out), out / "report.html").read_text(encoding="utf-8"))
-
-
-def test_spreads_are_those_of_numpy() -> None:
-    values = DEEPEST["alpha"]
-    spread = Spread(tuple(values))
-    assert spread.mean == pytest.approx(np.mean(values))
-    assert spread.deviation == pytest.approx(np.std(values, ddof=1))
-    assert spread.error == pytest.approx(np.std(values, ddof=1) / 2)
-    assert Spread((1.0,)).deviation is None and Spread((1.0,)).error is None
 
 
 def test_every_engine_has_one_row_per_quantity(page: Page) -> None:

@@ -25,6 +25,16 @@ def curves(rng: np.random.Generator, seeds: int, offset: float = 0.0, spread: fl
     return Ensemble(100 * np.exp(-TIME) + offset + spread * rng.standard_normal((seeds, 1)))
 
 
+def test_spreads_are_those_of_numpy():
+    """Mean, deviation with k - 1 and standard error over the seeds; one seed has no deviation."""
+    sample = Ensemble([1.0, 2.0, 4.0])
+    assert (sample.mean, sample.deviation) == pytest.approx((7 / 3, np.std([1, 2, 4], ddof=1)))
+    assert sample.error == pytest.approx(sample.deviation / np.sqrt(3))
+    assert np.isnan(Ensemble([1.0]).deviation) and len(Ensemble([1.0])) == 1
+    with pytest.raises(ValueError, match="at least one"):
+        Ensemble([])
+
+
 def test_the_distance_of_equal_ensembles_stays_within_its_limit():
     """D of two ensembles of one law is below 2 sqrt(1/5 + 1/10) = 1.1 in 90 % of cases.
 
