@@ -142,7 +142,12 @@ def _orders(sweep: Sweep, name: str) -> Table:
         Column("Measure", kind="long"),
         Column("Total error", "order", "number", "slope of log error over log step"),
         Column("95 % interval", kind="number"),
-        Column("Own limit", "order", "number", "of the distance to the engine's own finest run"),
+        Column(
+            "Own limit",
+            "order",
+            "number",
+            "of the distance to the engine's own finest run, which stands for its limit and is none: a little too high",
+        ),
         Column("95 % interval", kind="number"),
         Column("Theory", "order", "number", "of the method for this scene; empty where it divides its steps by itself"),
     )

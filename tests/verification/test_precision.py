@@ -233,3 +233,23 @@ def test_nothing_below_the_band_of_the_seeds_is_ranked():
     found = {one.level: one for one in cheapest_settings(swept({"1": (2.0, 0.005)}, band=0.03, kind="number"))}
     assert not found["1 %"].label
     assert found["5 %"].label and found[BAND].label
+
+
+def test_paths_are_compared_up_to_where_a_shifted_run_parts(monkeypatch):
+    """A companion that leaves as 1e-12 d exp(30 t) is 1e-2 d away at 0.77 s: what happens later does not count."""
+    companion = line(0.0)
+    companion.position[:, 0, 1] = 2e-3 * 1e-12 * np.exp(30 * companion.time)
+    record = SimpleNamespace(status=SimpleNamespace(state="ok"), result="companion")
+    monkeypatch.setattr(paths, "RunRecord", lambda path: record)
+    monkeypatch.setattr(paths, "paths", lambda result: companion)
+    late = line(0.0)
+    late.position[late.time > 0.75, 0, 2] = 1.0
+    seen = {"a": line(0.0), "b": late}
+    monkeypatch.setattr(paths, "_paths", lambda g: seen[g.variant])
+    made = [group("a", 0), group("b", 0)]
+    made[0].shifted = [SimpleNamespace(directory=SimpleNamespace(status=lambda: "ok", path="x"))]
+    known = paths.limits(made)
+    assert known.horizon == pytest.approx(0.8)
+    assert paths.errors(made, known, ["a", "b"])[1][0].total == pytest.approx(1 / 2e-3 / math.sqrt(9)), "0.8 s is in"
+    late.position[late.time < 0.85, 0, 2] = 0.0
+    assert paths.errors(made, known, ["a", "b"])[1][0].total == 0

@@ -81,7 +81,9 @@ def groups(
                 if companion and value is not own[-1]:
                     continue
                 one = knobs.chosen(choice, knob, value, scene.scene, target.given.get(scene.case, {}))
-                made = plan([scene], [one], out, repeats=1 if companion else repeats, timeout=timeout)
+                division = target.divisions.get(scene.case, "closed")
+                times = 1 if companion else repeats
+                made = plan([scene], [one], out, division=division, repeats=times, timeout=timeout)
                 (group.shifted if companion else group.runs).extend(made)
             same = known.setdefault(tuple(run.spec.name() for run in group.runs), group)
             if same is group:

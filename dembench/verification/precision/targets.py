@@ -13,6 +13,7 @@ from dembench import campaign, plugins
 from dembench.campaign import Request
 from dembench.cases import registry as cases
 from dembench.cases.base import Case
+from dembench.engines.base import Division
 from dembench.initial.progress import Progress
 from dembench.runs.plan import RequestError, SceneChoice
 from dembench.scene import Rigid, Scene, features
@@ -37,6 +38,7 @@ class Target:
         kind: Kind of its errors.
         scenes: One for each trial of an experiment, or for each seed.
         given: Settings that come with a scene, by its name; what was typed replaces them.
+        divisions: Divisions of the scenes that are not of the closed one, by their names.
         experiment: The experiment; None where there is no closed form.
         case, preset: The case; None for others.
     """
@@ -46,6 +48,7 @@ class Target:
     kind: Kind
     scenes: tuple[SceneChoice, ...]
     given: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    divisions: Mapping[str, Division] = field(default_factory=dict)
     experiment: Experiment | None = None
     case: Case | None = None
     preset: str | None = None
@@ -121,7 +124,8 @@ def known_suites() -> list[Suite]:
 def _experiment(suite: Suite, experiment: Experiment) -> Target:
     chosen = tuple(SceneChoice(t.name, None, 0, t.scene()) for t in experiment.trials)
     given = {trial.name: {**suite.settings, **trial.settings} for trial in experiment.trials}
-    made = Target(experiment.name, experiment.title, "closed form", chosen, given, experiment)
+    divisions = {trial.name: trial.division for trial in experiment.trials}
+    made = Target(experiment.name, experiment.title, "closed form", chosen, given, divisions, experiment)
     if not made.checks():
         raise RequestError(f"experiment '{experiment.name}' has only bounds; a sweep needs exact values")
     return made
