@@ -7,7 +7,10 @@ from functools import cache
 from dembench import plugins
 from dembench.verification.checks import Suite
 
-BUILT_IN = {"sanity": "dembench.verification.sanity:suite"}
+BUILT_IN = {
+    "sanity": "dembench.verification.sanity:suite",
+    "closed-forms": "dembench.verification.closed_forms.suite:suite",
+}
 GROUP = "dembench.suites"
 
 

@@ -1,0 +1,1 @@
+"""The suite of closed forms: collisions, bounces, sliding, statics, chains and conservation laws."""
