@@ -178,7 +178,7 @@ class Liggghts(Engine):
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
         """See `Engine.defaults`: in the open division a tenth of the Rayleigh time; neighbour settings as measured."""
         step = scene.closed_step() if division == "closed" else scene.fitted_step(0.1 * scene.rayleigh_time())
-        smallest, largest = float(scene.radii().min()), float(scene.radii().max())
+        smallest, largest = scene.extreme_radii()
         if largest > LARGE_RATIO * smallest:
             factors = {"skin": 0.8, "bin_size": 4.0, "sort_size": 2.5}
         else:

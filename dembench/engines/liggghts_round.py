@@ -95,7 +95,7 @@ def sides_for(scene: Scene) -> int:
     """Number of sides of a polygon that stays within `SAGITTA` radii of the smallest body of every round wall."""
     round_walls = [w for w in scene.walls if isinstance(w, Cylinder | Frustum)]
     widest = max((end.radius for wall in round_walls for end in _ends(wall)), default=0.0)
-    away = SAGITTA * float(scene.radii().min())
+    away = SAGITTA * scene.extreme_radii()[0]
     return max(FEWEST_SIDES, math.ceil(math.pi / math.acos(widest / (widest + away))))
 
 

@@ -74,7 +74,7 @@ class Peclet(InTree):
 
         The rows follow the scene's law; bodies that are no spheres have rigid ones.
         """
-        diameter = 2 * float(scene.radii().min())
+        diameter = 2 * min(scene.extreme_radii())
         limits = [scene.duration]
         speed = float(np.linalg.norm(scene.bodies.velocity, axis=1).max(initial=0))
         if speed:

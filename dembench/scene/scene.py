@@ -205,6 +205,11 @@ class Scene(Model):
             return self.bodies.radius
         return np.array([s.radius for s in self.species])[self.bodies.species]
 
+    def extreme_radii(self) -> tuple[float, float]:
+        """Smallest and largest radius of the bodies [m]; of the species where there are no bodies."""
+        found = self.radii() if len(self.bodies) else np.array([s.radius for s in self.species])
+        return float(found.min()), float(found.max())
+
     def densities(self) -> np.ndarray:
         """Density of every body [kg/m^3], shape (n,)."""
         return np.array([self.material(s.material).density for s in self.species])[self.bodies.species]

@@ -10,6 +10,7 @@ from dembench.verification.checks import Suite
 BUILT_IN = {
     "sanity": "dembench.verification.sanity:suite",
     "closed-forms": "dembench.verification.closed_forms.suite:suite",
+    "stability": "dembench.verification.stability:suite",
 }
 GROUP = "dembench.suites"
 

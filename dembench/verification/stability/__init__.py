@@ -1,0 +1,31 @@
+"""The stability suite: stiff, extreme and degenerate scenes, with what must happen in each."""
+
+from __future__ import annotations
+
+from dembench.verification.checks import Suite
+from dembench.verification.stability import contrast, degenerate, fast_impacts, statics, stiffness
+
+SECTIONS = (stiffness, contrast, fast_impacts, degenerate, statics)
+
+NOT_POSED = {
+    "D11, D21": "a scene refuses starts that overlap by more than 1 %",
+    "D23": "a scene refuses numbers that are not finite, with the particle named, before any engine sees them",
+    "D32": "spheres that roll on each other make an arch a mechanism, which stands for no friction",
+    "D36": "scenes have no springs to pull with",
+    "D42, second half": "CPU against GPU needs a GPU",
+}
+"""Entries of the catalogue that no scene poses, with the reason."""
+
+
+def suite() -> Suite:
+    """The suite."""
+    missing = "; ".join(f"{entry} ({why})" for entry, why in NOT_POSED.items())
+    return Suite(
+        name="stability",
+        title="Stability: stiff, extreme and degenerate scenes",
+        text="What must not happen: energy from nowhere, walls passed through, lost particles, numbers that are none. "
+        "An engine that dies or refuses is an answer. Not posed: " + missing + ".",
+        source="catalogue of stiff and extreme cases D1 to D42 of this project; the source of every number stands in "
+        "its row",
+        experiments=tuple(experiment for section in SECTIONS for experiment in section.experiments()),
+    )

@@ -1,0 +1,467 @@
+"""Fast impacts, and the limits of restitution and friction: D9, D10 and D12 to D16."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from dembench.results import Result
+from dembench.scene import Box, Constraint, Domain, ElasticEnergy, Motion, Plane, Rigid, Scene, Sdf
+from dembench.scene.materials import Law
+from dembench.verification.checks import Check, Experiment, Trial, on_one_scene
+from dembench.verification.scenes import WALL, Body, Kind, every, floor, scene_of
+from dembench.verification.stability.common import (
+    at_least,
+    at_most,
+    changed,
+    contact_time,
+    fitted,
+    kinetic_energy,
+    lattice,
+    motion,
+    rayleigh,
+    speeds,
+)
+
+G = 9.81
+
+FAST, BULLET_E = 100.0, 0.8
+"""Speed [m/s] and restitution of the impacts of unit spheres."""
+THICKNESSES = (2.0, 1.0, 0.2, 0.02)
+"""Thicknesses of the slabs in radii."""
+RIGID_STEPS = (1e-4, 1e-3, 1e-2, 2e-2, 5e-2)
+APART = 200.0
+FLIGHT = 20.0
+"""Distance of a bullet from its target [m]."""
+
+GRAZE = 0.99
+"""Impact parameter in diameters."""
+DROP = 0.5
+
+GAS, FRACTION, GAS_SPEED = 1000, 0.2, 1.0
+GAS_COLLISIONS = 1e5
+GAS_SAMPLES = 20
+
+SPIN = 1.0
+SLOPE = math.radians(60)
+STICKY = (1e3, 1e9)
+PLATE = 1.0
+
+
+# ---- D9 and D10
+
+
+def bullet_scene(name: str, step: float | None, slabs: bool) -> Scene:
+    """Unit spheres at 100 m/s: into a fixed sphere and a plane, or into slabs of four thicknesses, one behind another.
+
+    Args:
+        name: Name of the scene.
+        step: Step of rigid spheres [s]; None makes soft ones with a fiftieth of a contact time.
+        slabs: Whether the targets are slabs on grids of signed distances.
+    """
+    kind = Kind(1e9, 2500, 1.0, restitution=BULLET_E)
+    dt = step or fitted(contact_time(kind, FAST) / 50, 0.4)
+    targets = len(THICKNESSES) if slabs else 2
+    offset = 0.37 * FAST * dt
+    bodies = [Body("grain", (APART * k - FLIGHT - offset, 0, 0), (FAST, 0, 0)) for k in range(targets)]
+    walls = []
+    if slabs:
+        walls = [_slab(k, thickness) for k, thickness in enumerate(THICKNESSES)]
+    else:
+        bodies.append(Body("grain", (0, 0, 0)))
+        walls = [Plane(name="plane", material=WALL, point=(APART + 1, 0, 0), normal=(-1, 0, 0))]
+    scene = scene_of(
+        name,
+        {"grain": kind},
+        bodies,
+        time_step=dt,
+        times=[0, 0.4],
+        walls=walls,
+        law=None if step is None else Rigid(),
+    )
+    room = Domain(lower=(-100, -20, -20), upper=(APART * targets, 20, 20))
+    held = () if slabs else (Constraint(kind="fixed", bodies=(targets,)),)
+    return changed(scene, domain=room, constraints=held)
+
+
+def _slab(k: int, thickness: float) -> Sdf:
+    """A slab across x that reaches out of the grid on all other sides; its nearer face is a radius beyond a target."""
+    near, half = APART * k + 1.0, 0.5 * thickness
+    spacing = min(half, 0.5)
+    return Sdf.from_function(
+        name=f"slab{k}",
+        material=WALL,
+        function=lambda points: np.abs(points[:, 0] - near - half) - half,
+        lower=(near - 3, -spacing, -spacing),
+        upper=(near + thickness + 3, spacing, spacing),
+        spacing=spacing,
+    )
+
+
+def stopped(result: Result, targets: int) -> np.ndarray:
+    """Restitution of every bullet [-], shape (targets,); -1 where it is beyond its target or still moves forward."""
+    seen = motion(result)
+    x, v = seen.position[-1, :targets, 0] - APART * np.arange(targets), seen.velocity[-1, :targets, 0]
+    return np.where((x < 1) & (v < 0), -v / FAST, -1.0)
+
+
+def _bullets(
+    results: Mapping[str, Result], name: str, steps: tuple[float, ...], targets: int, slabs: bool, ids: str
+) -> Mapping[str, float]:
+    """Share of impacts with v dt <= thickness + r that come back, of all that come back, and their worst error of e."""
+    bound = np.array(THICKNESSES) + 1 if slabs else np.full(targets, math.inf)
+    due, slow, every_one, errors = [], [], [], [0.0]
+    for k, step in enumerate(steps):
+        result = results.get(f"{name}_{k}")
+        found = np.full(targets, -1.0) if result is None else stopped(result, targets)
+        back = found >= 0
+        within = FAST * step <= bound
+        due.append(within)
+        slow.append(back & within)
+        every_one.append(back)
+        errors += list(np.abs(found[back & within] - BULLET_E))
+    return {
+        f"D9{ids[0]}": float(np.sum(slow) / np.sum(due)),
+        f"D9{ids[1]}": float(np.mean(every_one)),
+        f"D9{ids[2]}": float(max(errors)),
+    }
+
+
+def _bullet_experiment(ids: str, name: str, steps: tuple[float | None, ...], slabs: bool) -> Experiment:
+    targets = len(THICKNESSES) if slabs else 2
+    rigid = steps[0] is not None
+    what = f"{'rigid' if rigid else 'soft'} at 100 m/s into {'slabs of 2 to 0.02 r' if slabs else 'a sphere, a plane'}"
+    trials = []
+    for k, step in enumerate(steps):
+        scene = partial(bullet_scene, f"{name}_{k}", step, slabs)
+        trials.append(Trial(f"{name}_{k}", scene, {"dt": repr(scene().time_step)}))
+    taken = tuple(step or 0.0 for step in steps)
+    return Experiment(
+        name,
+        f"Fast impacts, {what}",
+        tuple(trials),
+        partial(_bullets, name=name, steps=taken, targets=targets, slabs=slabs, ids=ids),
+        (
+            at_least(f"D9{ids[0]}", f"{what}: share back where v dt <= thickness + r", "1", 1.0, "no tunnel"),
+            at_least(f"D9{ids[1]}", f"{what}: share that comes back with every step", "1", 1.0, "a swept test"),
+            at_most(f"D9{ids[2]}", f"{what}: error of e = 0.8", "1", 0.02, "definition of e", scale=1.0),
+        ),
+        "long",
+        deaths_count=True,
+    )
+
+
+def graze_scene(name: str, law: Law | None) -> Scene:
+    """Two elastic unit spheres that meet at 100 m/s with an impact parameter of 0.99 d."""
+    kind = Kind(1e9, 2500, 1.0)
+    dt = 0.2 / FAST if law else fitted(contact_time(kind, FAST) / 100, 0.2)
+    bodies = [Body("grain", (side * 5.013, side * GRAZE, 0), (-side * FAST / 2, 0, 0)) for side in (-1, 1)]
+    return scene_of(name, {"grain": kind}, bodies, time_step=dt, times=[0, 0.2], law=law)
+
+
+def _deflection(result: Result) -> float:
+    end = motion(result).velocity[-1]
+    away = end[1] - end[0]
+    return math.degrees(math.atan2(away[1], -away[0]))
+
+
+def soft_deflection() -> float:
+    """Deflection of the relative motion of the elastic soft pair [degrees], from its equation of motion."""
+    kind = Kind(1e9, 2500, 1.0)
+    k = 4 / 3 * kind.modulus / 2 * math.sqrt(kind.radius / 2) / (kind.mass / 2)
+
+    def rate(_t: float, y: np.ndarray) -> list[float]:
+        distance = math.hypot(y[0], y[1])
+        pull = k * max(0.0, 2 * kind.radius - distance) ** 1.5 / distance
+        return [y[2], y[3], pull * y[0], pull * y[1]]
+
+    start = [10.026, 2 * GRAZE, -FAST, 0.0]
+    end = solve_ivp(rate, (0, 0.2), start, rtol=1e-10, atol=1e-10, max_step=1e-4).y[:, -1]
+    return math.degrees(math.atan2(end[3], -end[2]))
+
+
+# ---- D12 to D16
+
+
+def drop_scene(name: str, law: Law | None) -> Scene:
+    """Unit spheres without restitution that fall on a plane, and on a fixed sphere."""
+    kind = Kind(1e7, 2500, 1.0, restitution=0.0)
+    bodies = [
+        Body("grain", (0, 0, 1 + DROP)),
+        Body("grain", (10, 0, 3 + DROP)),
+        Body("grain", (10, 0, 1)),
+    ]
+    dt = 1e-3 if law else fitted(0.05 * rayleigh(kind), 0.01)
+    scene = scene_of(
+        name,
+        {"grain": kind},
+        bodies,
+        time_step=dt,
+        times=every(0.01, 1.0),
+        gravity=(0, 0, -G),
+        walls=(floor(),),
+        law=law,
+    )
+    return changed(scene, constraints=(Constraint(kind="fixed", bodies=(2,)),))
+
+
+def _no_bounce(result: Result) -> float:
+    return float(motion(result).velocity[:, :2, 2].max() / math.sqrt(2 * G * DROP))
+
+
+def gas_scene(name: str, law: Law | None) -> Scene:
+    """A thousand elastic spheres without friction in a periodic box, a fifth of which they fill."""
+    radius = 0.5
+    contact = 0.01
+    # tc = 2.868 (m*^2/(R* E*^2 v))^(1/5) with v the mean relative speed, solved for E
+    density = 6 / math.pi
+    reduced = 0.5
+    speed = GAS_SPEED * 4 / math.sqrt(math.pi)
+    modulus = math.sqrt((2.868 / contact) ** 5 * reduced**2 / (radius / 2 * speed))
+    kind = Kind(2 * modulus * (1 - 0.25**2), density, radius)
+    edge = (GAS * math.pi / 6 / FRACTION) ** (1 / 3)
+    random = np.random.default_rng(7)
+    position = lattice((10, 10, 10), edge / 10) + 0.5 * edge / 10 + random.uniform(-0.1, 0.1, (GAS, 3))
+    velocity = GAS_SPEED * random.normal(size=(GAS, 3))
+    velocity -= velocity.mean(axis=0)
+    # collisions of a sphere in a time: 24 phi g2 sqrt(T/pi)/d; two take part in each
+    g2 = (1 - FRACTION / 2) / (1 - FRACTION) ** 3
+    rate = 24 * FRACTION * g2 * GAS_SPEED / math.sqrt(math.pi) * GAS / 2
+    dt = 5e-3 if law else contact / 30
+    steps = math.ceil(GAS_COLLISIONS / rate / dt / GAS_SAMPLES) * GAS_SAMPLES
+    scene = scene_of(
+        name,
+        {"grain": kind},
+        [Body("grain", p, v) for p, v in zip(position, velocity, strict=True)],
+        time_step=dt,
+        times=every(steps // GAS_SAMPLES * dt, steps * dt),
+        law=law,
+        observables=() if law else [ElasticEnergy(name="elastic", interval=steps // GAS_SAMPLES * dt)],
+    )
+    return changed(scene, domain=Domain(lower=(0,) * 3, upper=(edge,) * 3, periodic=(True,) * 3))
+
+
+def _gas(result: Result, ids: str) -> Mapping[str, float]:
+    energy, seen, mass = kinetic_energy(result), motion(result), result.scene.masses()
+    if "elastic" in result.observables:
+        energy = energy + result.observables["elastic"].value
+    momentum = np.linalg.norm((mass[:, None] * seen.velocity).sum(axis=1), axis=1).max()
+    scale = (mass * speeds(seen)[0]).sum()
+    return {f"D13{ids[0]}": float(np.abs(energy / energy[0] - 1).max()), f"D13{ids[1]}": float(momentum / scale)}
+
+
+def smooth_scene() -> Scene:
+    """A bed without friction that slides down a tilted floor; its grains spin and go on spinning."""
+    kind = Kind(1e7, 2500, 1e-3, restitution=0.5)
+    counts, pitch = (6, 6, 4), 2e-3
+    dt = fitted(0.1 * rayleigh(kind), 1e-3)
+    position = lattice(counts, pitch) + 1e-3
+    size = pitch * np.array(counts)
+    tilt = math.radians(30)
+    scene = scene_of(
+        "d14_smooth",
+        {"grain": kind},
+        [Body("grain", p, spin=(SPIN, -SPIN, SPIN)) for p in position],
+        time_step=dt,
+        times=every(0.01, 0.1),
+        gravity=(G * math.sin(tilt), 0, -G * math.cos(tilt)),
+        walls=(
+            Box(
+                name="box",
+                material=WALL,
+                lower=(-1, 0, 0),
+                upper=(1, float(size[1]), 0.1),
+                open_faces=("x-", "x+", "z+"),
+            ),
+        ),
+    )
+    return changed(scene, domain=Domain(lower=(-0.1, -0.01, -0.01), upper=(0.5, 0.03, 0.1)))
+
+
+def _smooth(result: Result) -> Mapping[str, float]:
+    seen = motion(result)
+    spin = np.abs(seen.angular_velocity - seen.angular_velocity[0]).max() / SPIN
+    speed = seen.velocity[-1, :, 0].mean() / (result.scene.gravity[0] * seen.time[-1])
+    return {"D14a": float(spin), "D14b": float(speed)}
+
+
+def sticky_scene(name: str, law: Law | None) -> Scene:
+    """Spheres with enormous friction: from rest on a slope of 60 degrees, and with spin into it."""
+    kinds = {f"mu{k}": Kind(1e8, 2500, 0.01, restitution=0.5, friction=mu) for k, mu in enumerate(STICKY)}
+    bodies = []
+    for k, name_of in enumerate(kinds):
+        bodies.append(Body(name_of, (0, 0.1 * k, 0.01)))
+        bodies.append(Body(name_of, (0, 0.1 * k + 0.05, 0.02), spin=(0, 100.0, 0)))
+    dt = 2e-4 if law else fitted(0.1 * rayleigh(kinds["mu0"]), 0.01)
+    return scene_of(
+        name,
+        kinds,
+        bodies,
+        time_step=dt,
+        times=every(0.01, 1.0),
+        gravity=(G * math.sin(SLOPE), 0, -G * math.cos(SLOPE)),
+        walls=(floor(),),
+        law=law,
+    )
+
+
+def sticking(result: Result) -> tuple[float, float, float]:
+    """Error of the acceleration; slip over speed of those that roll; gain of energy of those that bounced [-]."""
+    seen, g = motion(result), np.array(result.scene.gravity)
+    r = result.scene.radii()
+    rolls = seen.velocity[-1, ::2, 0]
+    slip = np.abs(rolls - seen.angular_velocity[-1, ::2, 1] * r[::2]) / rolls
+    error = np.abs(rolls / (5 / 7 * g[0] * seen.time[-1]) - 1)
+    spinning = 0.2 * r**2 * (seen.angular_velocity**2).sum(axis=2)
+    energy = 0.5 * (seen.velocity**2).sum(axis=2) + spinning - seen.position @ g
+    free = energy[0, 1::2] + (seen.position[0, 1::2] @ g)
+    scale = free + r[1::2] * abs(g[2])
+    gain = ((energy[:, 1::2] - energy[0, 1::2]) / scale).max()
+    return float(error.max()), float(slip.max()), float(gain)
+
+
+def _sticky(ids: str, name: str, title: str, law: Law | None) -> Experiment:
+    keys = [f"D15{letter}" for letter in ids]
+    return on_one_scene(
+        name,
+        f"Friction of 1e3 and 1e9, {title}",
+        partial(sticky_scene, name, law),
+        lambda result: dict(zip(keys, sticking(result), strict=True)),
+        (
+            at_most(keys[0], f"{title}: error of the acceleration at 60 degrees", "1", 0.005, "5/7 g sin", scale=1.0),
+            at_most(keys[1], f"{title}: slip over speed", "1", 1e-3, "rolling", scale=1.0),
+            at_most(keys[2], f"{title}: gain of energy in a bounce with spin", "1", 1e-3, "no energy from nowhere"),
+        ),
+        "long",
+        {"dt": "2e-4"} if law else {},
+    )
+
+
+def wedged_scene(name: str, law: Law | None) -> Scene:
+    """A sphere between a fixed sphere and a plate that drags it on with a friction of 2."""
+    kind = Kind(1e7, 2500, 0.01, restitution=0.5, friction=2.0)
+    lean = math.radians(70)
+    place = (0.02 * math.sin(lean), 0, 0.02 * math.cos(lean))
+    plate = Plane(
+        name="plate",
+        material=WALL,
+        point=(0, 0, place[2] + 0.01),
+        normal=(0, 0, -1),
+        motion=Motion(velocity=(-PLATE, 0, 0)),
+    )
+    dt = 1e-4 if law else fitted(0.1 * rayleigh(kind), 1e-3)
+    scene = scene_of(
+        name,
+        {"grain": kind},
+        [Body("grain", (0, 0, 0)), Body("grain", place)],
+        time_step=dt,
+        times=every(1e-3, 0.2),
+        walls=(plate,),
+        law=law,
+    )
+    room = Domain(lower=(-1, -1, -1), upper=(1, 1, place[2] + 0.02))
+    return changed(scene, domain=room, constraints=(Constraint(kind="fixed", bodies=(0,)),))
+
+
+def _wedged(id: str, name: str, title: str, law: Law | None) -> Experiment:
+    return on_one_scene(
+        name,
+        f"A sphere dragged between a fixed one and a plate, {title}",
+        partial(wedged_scene, name, law),
+        lambda result: {id: float(speeds(motion(result)).max() / PLATE)},
+        (
+            at_most(
+                id,
+                f"{title}, friction 2: largest speed in that of the plate",
+                "1",
+                1e3,
+                "bounded; Stewart 2000",
+            ),
+        ),
+        "long",
+        {"dt": "1e-4"} if law else {},
+    )
+
+
+def _elastic_gas(ids: str, name: str, title: str, law: Law | None, bound: float) -> Experiment:
+    return on_one_scene(
+        name,
+        f"Elastic gas of 1000 {title}, 1e5 collisions instead of 1e6",
+        partial(gas_scene, name, law),
+        partial(_gas, ids=ids),
+        (
+            at_most(f"D13{ids[0]}", f"elastic {title}: change of energy", "1", bound, "energy", scale=1.0),
+            at_most(f"D13{ids[1]}", f"elastic {title}: momentum over sum of |m v|", "1", 1e-5, "momentum"),
+        ),
+        "long",
+        {"dt": "0.005"} if law else {"dt": repr(0.01 / 30)},
+    )
+
+
+def experiments() -> tuple[Experiment, ...]:
+    """D9, D10 and D12 to D16."""
+    rigid = Rigid()
+    sharp = 2 * math.degrees(math.acos(GRAZE))
+    return (
+        _bullet_experiment("abc", "d9_rigid", RIGID_STEPS, False),
+        _bullet_experiment("def", "d9_rigid_slabs", RIGID_STEPS, True),
+        _bullet_experiment("ghi", "d9_soft", (None,), False),
+        _bullet_experiment("jkl", "d9_soft_slabs", (None,), True),
+        on_one_scene(
+            "d10_rigid",
+            "A grazing impact at 100 m/s, rigid spheres",
+            partial(graze_scene, "d10_rigid", rigid),
+            lambda result: {"D10a": _deflection(result)},
+            (Check("D10a", "rigid, v dt = 0.2 r: deflection in degrees", "1", sharp, 1.0, "2 acos(b/d)"),),
+            settings={"dt": repr(0.2 / FAST)},
+        ),
+        on_one_scene(
+            "d10_soft",
+            "A grazing impact at 100 m/s, soft spheres",
+            partial(graze_scene, "d10_soft", None),
+            lambda result: {"D10b": _deflection(result)},
+            (
+                Check(
+                    "D10b", "soft: deflection in degrees", "1", soft_deflection(), 1.0, "Hertz's pair", scene_law=True
+                ),
+            ),
+            "long",
+        ),
+        on_one_scene(
+            "d12_rigid",
+            "No restitution, rigid spheres",
+            partial(drop_scene, "d12_rigid", rigid),
+            lambda result: {"D12a": _no_bounce(result)},
+            (at_most("D12a", "rigid, e = 0: rebound over speed", "1", 1e-3, "e = 0"),),
+            "long",
+            {"dt": "1e-3"},
+        ),
+        on_one_scene(
+            "d12_soft",
+            "No restitution, soft spheres",
+            partial(drop_scene, "d12_soft", None),
+            lambda result: {"D12b": _no_bounce(result)},
+            (at_most("D12b", "soft, e = 0: rebound over speed", "1", 1e-3, "e = 0", scene_law=True),),
+        ),
+        _elastic_gas("ab", "d13_rigid", "rigid spheres", rigid, 1e-4),
+        _elastic_gas("cd", "d13_soft", "soft spheres at tc/30", None, 1e-3),
+        on_one_scene(
+            "d14_smooth",
+            "No friction on a tilted floor",
+            smooth_scene,
+            _smooth,
+            (
+                at_most("D14a", "change of spin in its own", "1", 1e-6, "no friction, no torque"),
+                Check("D14b", "mean speed over g sin t", "1", 1.0, 0.005, "the bed slides freely"),
+            ),
+            "long",
+        ),
+        _sticky("abc", "d15_soft", "soft", None),
+        _sticky("def", "d15_rigid", "rigid", rigid),
+        _wedged("D16a", "d16_soft", "soft", None),
+        _wedged("D16b", "d16_rigid", "rigid", rigid),
+    )

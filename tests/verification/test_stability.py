@@ -1,0 +1,152 @@
+"""The stability suite: scenes that can be run, measures that see what goes wrong, and engines on scenes of nothing."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from dembench.cli import app
+from dembench.engines import registry
+from dembench.results.schema import SnapshotSeries
+from dembench.scene import Scene, check_scene
+from dembench.verification.scenes import MOTION
+from dembench.verification.stability import contrast, degenerate, statics, stiffness
+from dembench.verification.suites import suite
+
+EXPERIMENTS = {experiment.name: experiment for experiment in suite("stability").experiments}
+LARGEST = 3000
+"""Bodies of the scenes that are built here."""
+
+
+def seen(scene: Scene, time: Any, position: Any, velocity: Any = None, spin: Any = None, **more: Any) -> Any:
+    """A result with the bodies where they are said to be at some times."""
+    position = np.asarray(position, dtype=float)
+    none = np.zeros_like(position)
+    fields = [none if values is None else np.asarray(values, dtype=float) for values in (velocity, spin)]
+    time = np.asarray(time, dtype=float)
+    motion = SnapshotSeries(np.arange(len(time)), time, position, *fields)
+    return SimpleNamespace(scene=scene, snapshots={MOTION: motion}, **more)
+
+
+# ---- the suite as a whole
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_scene_can_be_run(name: str) -> None:
+    """Scenes pass the check that precedes every run, their steps divide their times, and settings are accepted."""
+    for trial in EXPERIMENTS[name].trials:
+        if trial.name == "d25_large":
+            continue
+        scene = trial.scene()
+        assert scene.name == trial.name
+        if len(scene.bodies) <= LARGEST:
+            check_scene(scene)
+        for engine in map(registry.engine, registry.names()):
+            known = {key: value for key, value in trial.settings.items() if key in engine.settings_type.model_fields}
+            dt = engine.settings(scene, trial.division, known).dt
+            assert scene.duration / dt == pytest.approx(round(scene.duration / dt), rel=1e-9)
+
+
+def test_ids_and_trials_are_unique() -> None:
+    ids = [check.id for experiment in EXPERIMENTS.values() for check in experiment.checks]
+    trials = [trial.name for experiment in EXPERIMENTS.values() for trial in experiment.trials]
+    assert len(ids) == len(set(ids)) and len(trials) == len(set(trials))
+
+
+def test_entries_are_posed_or_named_with_a_reason() -> None:
+    text = suite("stability").text
+    for entry in ("D11", "D21", "D23", "D32", "D36", "D42"):
+        assert entry in text
+
+
+# ---- what is measured, on motions that are known
+
+
+def test_the_contact_of_a_pair_is_found_from_free_flight() -> None:
+    scene = stiffness.young_scene(8)
+    r, gap, speed = stiffness.RADIUS, 1e-6, 0.5
+    start = np.array([[-r - gap / 2, 0, 0], [r + gap / 2, 0, 0]] * 3)
+    x = np.array([[-r - 2e-6, 0, 0], [r + 2e-6, 0, 0]] * 3)
+    towards = np.array([[speed, 0, 0], [-speed, 0, 0]] * 3)
+    result = seen(scene, [0, 20e-6], [start, x], [towards, -0.5 * towards])
+    restitution, duration = stiffness._rebound(result, 0)
+    # 1 um at 1 m/s, then 4 um at 0.5 m/s, of 20 us
+    assert restitution == pytest.approx(0.5)
+    assert duration == pytest.approx(20e-6 - 1e-6 - 8e-6)
+
+
+def test_a_step_is_stable_up_to_the_first_that_blows_up_or_kills() -> None:
+    fine, wild = np.full(3, 0.5), np.array([0.5, 0.5, 7.0])
+    assert stiffness.stable_share({0.1: fine, 0.3: fine, 0.5: wild, 0.7: fine}) == 0.3
+    assert stiffness.stable_share({0.1: fine, 0.3: None, 0.5: fine}) == 0.1
+    assert stiffness.stable_share({0.1: wild}) == 0
+
+
+def test_growth_of_a_block_is_that_of_its_kinetic_energy() -> None:
+    scene = stiffness.block_scene(0.9, 100, "block")
+    position = np.stack([scene.bodies.position] * 2)
+    velocity = np.stack([scene.bodies.velocity, 3 * scene.bodies.velocity])
+    assert stiffness.growth(seen(scene, [0, 1], position, velocity)) == pytest.approx(9)
+    assert stiffness.growth(None) == np.inf
+
+
+def test_a_stack_that_sinks_or_moves_aside_is_seen() -> None:
+    scene = contrast.stack_scene("stack", None)
+    still = np.stack([scene.bodies.position] * 3)
+    found = contrast._stacks(seen(scene, [0, 1, 2], still), rigid=False)
+    assert found["D4a"] < 1e-6 and found["D4b"] < 1e-6 and found["D5a"] == 0
+    sunk = still.copy()
+    sunk[-1, 6, 2] -= 1e-5
+    sunk[1, -2, 0] += 2e-3 * contrast.SIZE
+    found = contrast._stacks(seen(scene, [0, 1, 2], sunk), rigid=False)
+    assert found["D4a"] < 1e-6 and found["D4b"] > 0.005 and found["D5a"] > 1e-3
+
+
+def test_hop_and_rebound_at_a_corner() -> None:
+    scene = degenerate.corner_scene("corner", None, 0.06)
+    v = degenerate.SLIDE
+    position = np.stack([scene.bodies.position] * 2)
+    moving = np.array([[v, 0, 0], [v / 2**0.5, v / 2**0.5, 0]])
+    away = np.array([[-0.25 * v, 0, 0.5 * v], [0, 0, 0]])
+    found = degenerate.corners(seen(scene, [0, scene.duration], position, [moving, away]))
+    assert found == pytest.approx({"hop": 0.5, "rebound": 0.25})
+
+
+def test_creep_counts_after_ten_seconds_only() -> None:
+    scene = statics.creep_scene("creep", False, None)
+    way = np.array([0.0, 0.5, 0.5, 0.5 + 2e-4]) * statics.RADIUS
+    position = scene.bodies.position + way[:, None, None] * np.array([1.0, 0, 0])
+    assert statics.drift(seen(scene, [0, 10, 25, 40], position)) == pytest.approx(2e-4, rel=1e-6)
+
+
+def test_slip_and_acceleration_of_rolling() -> None:
+    scene = statics.incline_scene("roll", (1.0, 0.2, 0.1), 1.0, None, False)
+    v = 5 / 7 * scene.gravity[0]
+    velocity = np.array([[[0, 0, 0]] * 3, [[1.1 * v, 0, 0], [v, 0, 0], [v, 0, 0]]])
+    spin = np.zeros((2, 3, 3))
+    spin[1, :, 1] = np.array([1.1, 1.0, 0.9]) * v / statics.RADIUS
+    found = statics.rolling(seen(scene, [0, 1], [scene.bodies.position] * 2, velocity, spin))
+    assert found == pytest.approx((0.1, 0.0, 0.1), abs=1e-9)
+
+
+# ---- on engines
+
+
+def test_engines_have_settings_for_a_scene_without_bodies() -> None:
+    scene = degenerate.few_scene(0)
+    for engine in map(registry.engine, registry.names()):
+        assert engine.settings(scene, "closed").dt > 0
+
+
+def test_default_entries_hold_for_the_soft_spheres(tmp_path: Path) -> None:
+    """Nothing, one particle, and slow motion, through the adapter; a scene of nothing is a run that ends."""
+    words = ["verify", "--suite", "stability", "--tier", "default", "--only", "D24,D27", "--engines", "peclet-hertz"]
+    done = CliRunner().invoke(app, [*words, "--out", str(tmp_path), "--json"])
+    rows = {row["id"]: row["status"] for row in json.loads(done.stdout)["rows"]}
+    assert rows == {"D24a": "ok", "D24b": "ok", "D27": "ok"}
