@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 from dembench.verification.checks import Suite
-from dembench.verification.stability import contrast, degenerate, fast_impacts, statics, stiffness
+from dembench.verification.stability import (
+    audits,
+    chains,
+    contrast,
+    degenerate,
+    fast_impacts,
+    gas,
+    statics,
+    stiffness,
+    walls,
+)
 
-SECTIONS = (stiffness, contrast, fast_impacts, degenerate, statics)
+SECTIONS = (stiffness, contrast, fast_impacts, gas, degenerate, statics, chains, walls, audits)
 
 NOT_POSED = {
     "D11, D21": "a scene refuses starts that overlap by more than 1 %",

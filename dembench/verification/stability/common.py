@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from dembench.results import Result
 from dembench.results.schema import SnapshotSeries
-from dembench.scene import Scene
+from dembench.scene import Domain, Scene
 from dembench.verification.checks import Check
 from dembench.verification.scenes import MOTION, Kind
 
@@ -71,6 +71,11 @@ def fitted(step: float, interval: float) -> float:
 def changed(scene: Scene, **changes: Any) -> Scene:
     """A scene with other fields, checked again."""
     return Scene(**{**{name: getattr(scene, name) for name in Scene.model_fields}, **changes})
+
+
+def within(scene: Scene, lower: Sequence[float], upper: Sequence[float]) -> Scene:
+    """A scene whose domain has these corners [m]."""
+    return changed(scene, domain=Domain(lower=tuple(lower), upper=tuple(upper)))
 
 
 def lattice(counts: tuple[int, int, int], spacing: float = 1.0) -> np.ndarray:

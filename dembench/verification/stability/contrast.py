@@ -22,6 +22,7 @@ from dembench.verification.stability.common import (
     rayleigh,
     resting_overlap,
     speeds,
+    within,
 )
 
 G = 9.81
@@ -244,7 +245,7 @@ def block_scene(name: str, poured: bool, law: Law | None) -> Scene:
     box = Box(name="box", material=WALL, lower=(0, 0, 0), upper=size, open_faces=("z+",))
     dt = 0.01 if law else 0.1 * rayleigh(kind)
     end = 20.0 if law else 12.0
-    return scene_of(
+    scene = scene_of(
         name,
         {"grain": kind},
         [Body("grain", p, (0, 0, speed)) for p in position],
@@ -255,6 +256,7 @@ def block_scene(name: str, poured: bool, law: Law | None) -> Scene:
         law=law,
         observables=[Overlap(name="overlap", interval=round(end / 100 / dt) * dt)],
     )
+    return within(scene, (-1, -1, -1), (size[0] + 1, size[1] + 1, size[2]))
 
 
 def _blocks(results: Mapping[str, Result], kind: str, ids: str) -> Mapping[str, float]:

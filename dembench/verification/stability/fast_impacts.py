@@ -25,6 +25,7 @@ from dembench.verification.stability.common import (
     motion,
     rayleigh,
     speeds,
+    within,
 )
 
 G = 9.81
@@ -297,7 +298,7 @@ def sticky_scene(name: str, law: Law | None) -> Scene:
         bodies.append(Body(name_of, (0, 0.1 * k, 0.01)))
         bodies.append(Body(name_of, (0, 0.1 * k + 0.05, 0.02), spin=(0, 100.0, 0)))
     dt = 2e-4 if law else fitted(0.1 * rayleigh(kinds["mu0"]), 0.01)
-    return scene_of(
+    scene = scene_of(
         name,
         kinds,
         bodies,
@@ -307,6 +308,7 @@ def sticky_scene(name: str, law: Law | None) -> Scene:
         walls=(floor(),),
         law=law,
     )
+    return within(scene, (-0.1, -0.1, -0.1), (6.0, 0.3, 0.5))
 
 
 def sticking(result: Result) -> tuple[float, float, float]:

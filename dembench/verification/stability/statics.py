@@ -21,6 +21,7 @@ from dembench.verification.stability.common import (
     rayleigh,
     resting_overlap,
     speeds,
+    within,
 )
 
 G = 9.81
@@ -66,7 +67,7 @@ def creep_scene(name: str, heap: bool, law: Law | None) -> Scene:
     box = Box(
         name="box", material=WALL, lower=(low, low, 0), upper=(low + side, low + side, 30 * RADIUS), open_faces=("z+",)
     )
-    return scene_of(
+    scene = scene_of(
         name,
         {"grain": kind},
         [Body("grain", p) for p in position],
@@ -76,6 +77,7 @@ def creep_scene(name: str, heap: bool, law: Law | None) -> Scene:
         walls=(box,),
         law=law,
     )
+    return within(scene, (low - RADIUS, low - RADIUS, -RADIUS), (low + side + RADIUS,) * 2 + (31 * RADIUS,))
 
 
 def drift(result: Result) -> float:
@@ -215,6 +217,7 @@ def incline_scene(name: str, frictions: tuple[float, ...], end: float, law: Law 
         walls=(floor(),),
         law=law,
     )
+    scene = within(scene, (-0.1, -0.1, -0.1), (0.5 * G * end**2, 0.3, 0.1))
     held = (Constraint(kind="rotation-locked", bodies=tuple(range(len(kinds)))),)
     return changed(scene, constraints=held) if locked else scene
 
