@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from dembench import __version__, console
-from dembench.cli import data, imports, initial, inspection, regression, results, run, sweep, verify
+from dembench.cli import ablate, data, imports, initial, inspection, new, regression, results, run, sweep, verify
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -21,6 +21,8 @@ for verb in (
     run.write,
     run.timestep,
     verify.verify,
+    ablate.ablate,
+    new.new,
     regression.check,
     regression.bless,
     sweep.sweep,

@@ -21,6 +21,7 @@ from dembench.regression.metrics import RegressionError
 from dembench.results.foreign import ForeignError
 from dembench.runs.plan import RequestError
 from dembench.scene import SceneError
+from dembench.skeletons import SkeletonError
 from dembench.verification.suites import UnknownSuite
 
 What = Annotated[
@@ -56,6 +57,7 @@ USAGE = (
     UnknownSuite,
     ForeignError,
     RegressionError,
+    SkeletonError,
 )
 """What is asked for wrongly."""
 

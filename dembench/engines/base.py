@@ -6,13 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Literal, overload
+from typing import Annotated, Any, ClassVar, Literal, overload
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import BeforeValidator, ValidationError
 
 from dembench.plugins import nearest
-from dembench.scene import HertzMindlin, Scene
+from dembench.scene import FORCEABLE, HertzMindlin, Scene
 from dembench.scene.base import Model, Positive
 
 Division = Literal["closed", "open"]
@@ -60,6 +60,22 @@ class EngineSettings(Model):
     def device(self) -> str:
         """Device, as shown in timing tables."""
         return "cpu"
+
+
+def _features(text: Any) -> Any:
+    names = [name.strip() for name in text.split("+")] if isinstance(text, str) else []
+    if unknown := [name for name in names if name not in FORCEABLE]:
+        raise ValueError(f"'{unknown[0]}' cannot be forced; accepted are {', '.join(FORCEABLE)}, joined by +")
+    return text
+
+
+Forced = Annotated[str | None, BeforeValidator(_features)]
+"""Type of a setting `force`: names of features that the scene lacks and that are computed all the same, joined by +."""
+
+
+def names_of(forced: str | None) -> list[str]:
+    """The names in a setting `force`."""
+    return [name.strip() for name in forced.split("+")] if forced else []
 
 
 class SettingsError(ValueError):
@@ -297,6 +313,13 @@ class Engine(ABC):
             counters: The engine's own figures of it.
         """
         return float(steps)
+
+    def forceable(self, scene: Scene, settings: Any) -> list[str]:
+        """Features that the scene lacks and the engine can compute all the same, by its setting `force`.
+
+        An ablation measures with them what leaving out saves; none where an engine has no such setting.
+        """
+        return []
 
     def estimate(self, scene: Scene, settings: Any) -> float | None:
         """Estimated wall time of a run [s], for planning; None where the engine has no guess."""

@@ -23,7 +23,7 @@ import numpy as np
 import dembench
 from dembench.engines import in_tree_checkpoints as checkpoints
 from dembench.engines.base import FRAMES, Checkpoint, Engine, Frame, FrameFiles, Phase, Probe, Series, Timing, Tracks
-from dembench.scene import Scene, WallForce, save_scene
+from dembench.scene import FORCEABLE, Scene, WallForce, features, save_scene
 
 TRACKS, CLOCK, TIMING, FAILURE = "tracks.bin", "clock.bin", "timing.json", "failure.json"
 CLOCK_COLUMNS = 3
@@ -51,6 +51,12 @@ class InTree(Engine):
             digest.update(source.relative_to(folder).as_posix().encode() + source.read_bytes())
         version = f"{dembench.__version__}+{digest.hexdigest()[:10]}"
         return Probe(available=True, version=version, path=str(folder), facts={"warp-lang": warp.__version__})
+
+    def forceable(self, scene: Scene, settings: Any) -> list[str]:
+        """See `Engine.forceable`; bodies that are no spheres have one set of kernels."""
+        if features(scene).shapes:
+            return []
+        return [name for name in features(scene).absent() if name in FORCEABLE]
 
     def write(self, scene: Scene, settings: Any, directory: Path) -> list[Phase]:
         """See `Engine.write`."""

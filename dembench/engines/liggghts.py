@@ -46,7 +46,7 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -91,6 +91,7 @@ class LiggghtsSettings(EngineSettings):
         segments: Sides of the polygon that stands for a round wall where no exact primitive exists.
         sink_interval: Simulated time between two removals of the bodies in sinks [s].
         checkpoint: Wall time between two checkpoints, as far as it can be foreseen [s].
+        force: `friction` or `rotation`: commands for it in a scene that lacks it.
     """
 
     ranks: Annotated[int, Field(ge=1)] = 1
@@ -100,6 +101,7 @@ class LiggghtsSettings(EngineSettings):
     segments: Annotated[int, Field(ge=8)] = 100
     sink_interval: Positive = 5e-3
     checkpoint: Positive = 240.0
+    force: Literal["friction", "rotation"] | None = None
 
     def cores(self) -> int:
         """See `EngineSettings.cores`."""
@@ -259,6 +261,10 @@ class Liggghts(Engine):
     def order(self, scene: Scene, settings: LiggghtsSettings) -> float:
         """See `Engine.order`."""
         return order_of_contacts(scene, lagging=True)
+
+    def forceable(self, scene: Scene, settings: LiggghtsSettings) -> list[str]:
+        """See `Engine.forceable`; what else is left out are commands, which act on nothing where a scene lacks them."""
+        return [name for name in features(scene).absent() if name in ("friction", "rotation")]
 
     def estimate(self, scene: Scene, settings: LiggghtsSettings) -> float:
         """See `Engine.estimate`."""

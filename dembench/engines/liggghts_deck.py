@@ -10,6 +10,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from dembench.engines.base import names_of
 from dembench.engines.liggghts_output import FIRST_FORCES, Launch, every_of, observed_walls, steps_of
 from dembench.engines.liggghts_round import half_space
 from dembench.engines.liggghts_walls import AXES, Walls, materials_of, type_of
@@ -45,7 +46,7 @@ def deck(scene: Scene, settings: Any, parts: Walls, legs: list[int], launch: Lau
 def _values(scene: Scene, settings: Any, parts: Walls) -> dict[str, Any]:
     """Everything that the template needs apart from the walls and the launch."""
     materials = materials_of(scene)
-    present = features(scene)
+    present = features(scene).forced(names_of(settings.force))
     laws = {frozenset((p.a, p.b)): p for p in scene.pair_laws}
     pairs = [laws.get(frozenset((a.name, b.name))) for a in materials for b in materials]
     steps = steps_of(np.array([scene.duration]), settings.dt)[0]
@@ -70,6 +71,7 @@ def _values(scene: Scene, settings: Any, parts: Walls) -> dict[str, Any]:
         "restitution": [p.restitution if p else 1.0 for p in pairs],  # None: two materials that never touch
         "friction": [p.friction if p else 0.0 for p in pairs],
         "history": present.tangential_history,
+        "rotation": present.rotation,
         "gravity": {"magnitude": magnitude, "direction": scene.gravity} if present.gravity else None,
         "fixed": [[b + 1 for b in held[k : k + IDS_PER_LINE]] for k in range(0, len(held), IDS_PER_LINE)],
         "sinks": [_block(sink.region) for sink in scene.sinks],

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from dembench.engines.base import Division, EngineSettings, order_of_contacts
+from dembench.engines.base import Division, EngineSettings, Forced, names_of, order_of_contacts
 from dembench.engines.in_tree import InTree
 from dembench.scene import Rigid, Scene, features
 
@@ -31,6 +31,7 @@ class PecletSettings(EngineSettings):
         position_sweeps: Largest number of position sweeps in a step with rigid rows, by default 12.
         stabilization: Rigid rows carry on after the sweeps where matter is at rest, until its weight is carried.
         arithmetic: Precision of impulses; positions and velocities are float64 always.
+        force: Features that the scene lacks and that are computed all the same, as friction+rotation.
     """
 
     rows: Literal["compliant", "rigid"] = "compliant"
@@ -39,6 +40,7 @@ class PecletSettings(EngineSettings):
     position_sweeps: Annotated[int, Field(ge=0)]
     stabilization: bool = True
     arithmetic: Literal["float32", "float64"] = "float32"
+    force: Forced = None
 
     @model_validator(mode="before")
     @classmethod
@@ -117,6 +119,10 @@ class Peclet(InTree):
             steps *= settings.substeps or USUAL_SUBSTEPS
         return 10 + steps * max(len(scene.bodies), 100) / PARTICLE_STEPS_PER_SECOND[settings.rows]
 
+    def forceable(self, scene: Scene, settings: PecletSettings) -> list[str]:
+        """See `Engine.forceable`; impulses know no rolling friction."""
+        return [name for name in super().forceable(scene, settings) if name != "rolling_friction"]
+
     def simulation(self, scene: Scene, settings: dict[str, Any]) -> Any:
         """See `InTree.simulation`."""
         from dembench.solver import Simulation
@@ -132,4 +138,5 @@ class Peclet(InTree):
             velocity_sweeps=s.velocity_sweeps,
             position_sweeps=s.position_sweeps,
             stabilization=s.stabilization,
+            force=names_of(s.force),
         )

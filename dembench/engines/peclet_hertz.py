@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
-from dembench.engines.base import Division, EngineSettings, order_of_contacts
+from dembench.engines.base import Division, EngineSettings, Forced, names_of, order_of_contacts
 from dembench.engines.in_tree import InTree
 from dembench.scene import Scene
 
@@ -20,6 +20,7 @@ class PecletHertzSettings(EngineSettings):
         midpoint: Dashpots use the mean velocity of the step, which allows a larger step.
         allow_unstable: Accept a step beyond the stability guard.
         softening: Softer materials within the overlap budget; another law, which the report marks.
+        force: Features that the scene lacks and that are computed all the same, as friction+rotation.
     """
 
     threads: Annotated[int, Field(ge=1)] = 1
@@ -27,6 +28,7 @@ class PecletHertzSettings(EngineSettings):
     midpoint: bool = False
     allow_unstable: bool = False
     softening: bool = False
+    force: Forced = None
 
     def cores(self) -> int:
         """See `EngineSettings.cores`."""
@@ -92,4 +94,13 @@ class PecletHertz(InTree):
         from dembench.solver import Simulation
 
         s = PecletHertzSettings(**settings)
-        return Simulation(scene, s.dt, s.threads, s.arithmetic, s.midpoint, s.allow_unstable, softening=s.softening)
+        return Simulation(
+            scene,
+            s.dt,
+            s.threads,
+            s.arithmetic,
+            s.midpoint,
+            s.allow_unstable,
+            softening=s.softening,
+            force=names_of(s.force),
+        )

@@ -173,6 +173,11 @@ class Entry:
         return not math.isclose(self.dt, self.scene.closed_step(), rel_tol=1e-6)
 
     @property
+    def of_division(self) -> bool:
+        """Whether law and time step are those of its division; the open one takes any."""
+        return self.spec.division != "closed" or not (self.own_step or self.spec.law)
+
+    @property
     def loop(self) -> float | None:
         """Time of the stepping loop [s]; None where it is not known."""
         found = self.timing.get("loop")

@@ -70,7 +70,6 @@ def _division(group: Group) -> str:
 
 def _contents(scene: Scene) -> Facts:
     present = features(scene)
-    absent = [name for name, value in present if not value]
     law = scene.law.kind + (f", variant {scene.law.variant}" if hasattr(scene.law, "variant") else "")
     walls = [f"{w.name} ({w.kind}, {w.material}{', moving' if w.motion else ''})" for w in scene.walls]
     return [
@@ -102,8 +101,8 @@ def _contents(scene: Scene) -> Facts:
             )
             or "nothing",
         ),
-        ("Features present", _words(present.names())),
-        ("Left out", f"{_words(absent)}; nothing is computed, allocated or written for them"),
+        ("Features present", words(present.names())),
+        ("Left out", f"{words(present.absent())}; nothing is computed, allocated or written for them"),
     ]
 
 
@@ -118,7 +117,8 @@ def _species(scene: Scene) -> Iterable[str]:
         yield f"{s.name}: {grouped(len(own), 0)} of {s.material}, diameter {size}"
 
 
-def _words(names: Iterable[str]) -> str:
+def words(names: Iterable[str]) -> str:
+    """Names of features as words."""
     return ", ".join(name.replace("_", " ") for name in names) or "none"
 
 

@@ -9,22 +9,35 @@ from dembench.reports.entries import RANKED, Ensemble, Entry, Group, Member
 from dembench.reports.tables import Cell, Column, Table, numbers, significant
 from dembench.reports.units import shown_in
 
-RATIO = Column("Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok")
+RATIO = Column(
+    "Ratio", "to fastest", "number", "loop time relative to that of the fastest run that is ok and of the division"
+)
 MARKS = {
     "c": "c: contended, other programs used its cores before or while it ran, so the time is overstated.",
-    "l": "l: another contact law than the scene's; such a time compares methods, not implementations.",
+    "l": "l: another contact law than the scene's; such a time compares methods, not implementations, and is not "
+    "ranked in the closed division.",
     "p": "p: partial, the run ended before its simulated time; the time is that of the part.",
     "r": "r: resumed from a checkpoint after an interruption; the time is that of all attempts together.",
-    "s": "s: own time step, not that of the closed division; such a time compares methods, not implementations.",
+    "s": "s: own time step, not that of the closed division; such a time compares methods, not implementations, and is "
+    "not ranked.",
     "w": "w: wall time of the engine's process, since the engine gives no time of its stepping loop.",
 }
 
 
 def ratios(runs: Sequence[Member | Ensemble]) -> list[Cell]:
-    """Median loop time of each that is ok, relative to the shortest of them."""
-    loops = [run.loop if run.state in RANKED else None for run in runs]
-    fastest = min((loop for loop in loops if loop), default=None)
-    return numbers([loop / fastest if fastest and loop is not None else None for loop in loops])
+    """Median loop time of each that is ok and keeps to its division, relative to the shortest of them.
+
+    Runs of the two divisions are ranked apart.
+    """
+    loops = [run.loop if run.state in RANKED and run.shown.of_division else None for run in runs]
+    divisions = [run.shown.spec.division for run in runs]
+    fastest = {
+        name: min((loop for loop, own in zip(loops, divisions, strict=True) if loop and own == name), default=None)
+        for name in divisions
+    }
+    return numbers(
+        [loop / best if loop and (best := fastest[own]) else None for loop, own in zip(loops, divisions, strict=True)]
+    )
 
 
 def timings(group: Group) -> Table | None:
@@ -74,7 +87,7 @@ def timings(group: Group) -> Table | None:
         "Timings",
         tuple(column for column, _ in columns),
         rows,
-        note="Only runs that are ok are compared: accuracy comes before speed.",
+        note="Only runs that are ok and keep to their division are compared: accuracy comes before speed.",
         footnotes=(*_measured_by(group), *marks_explained(rows)),
         tag=group.tag,
     )

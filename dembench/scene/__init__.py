@@ -3,7 +3,7 @@
 from dembench.scene.arrays import scene_from_arrays
 from dembench.scene.bodies import Bodies
 from dembench.scene.checks import check_scene
-from dembench.scene.features import Features, features
+from dembench.scene.features import FORCEABLE, Features, features
 from dembench.scene.files import SceneError, load_scene, save_scene, scene_from, scene_schema
 from dembench.scene.materials import HertzMindlin, LinearSpring, Material, PairLaw, Rigid
 from dembench.scene.mesh import Mesh
@@ -26,6 +26,7 @@ from dembench.scene.wall import Motion
 from dembench.scene.walls import Box, Cylinder, Frustum, Plane, geometry_moves
 
 __all__ = [
+    "FORCEABLE",
     "Bodies",
     "Box",
     "CentreOfMass",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from dembench.scene.base import Model
@@ -10,6 +12,23 @@ from dembench.scene.mesh import Mesh
 from dembench.scene.scene import Scene
 from dembench.scene.sdf import Sdf
 from dembench.scene.walls import Cylinder, Frustum, geometry_moves
+
+FORCEABLE = (
+    "friction",
+    "rolling_friction",
+    "rotation",
+    "polydisperse",
+    "pair_table",
+    "walls",
+    "curved_walls",
+    "mesh_walls",
+    "sdf_walls",
+    "moving_walls",
+    "moving_geometry",
+    "periodic",
+)
+"""Features that can be computed in a scene without them, to measure what leaving them out saves. The others decide
+about no buffer and no kernel, or are nothing without what they act on, as constraints and sinks."""
 
 
 class Features(Model):
@@ -49,6 +68,30 @@ class Features(Model):
     def names(self) -> list[str]:
         """Names of the features that are present."""
         return [name for name, value in self if value]
+
+    def absent(self) -> list[str]:
+        """Names of the features that are left out."""
+        return [name for name, value in self if not value]
+
+    def forced(self, names: Iterable[str]) -> Features:
+        """These features and those of the names with what they entail: an ablation computes what a scene leaves out."""
+        return self.model_copy(update=dict.fromkeys(entailed(names), True))
+
+
+_ENTAILED = {
+    "friction": ("tangential_history", "rotation"),
+    "rolling_friction": ("friction", "tangential_history", "rotation"),
+    "moving_walls": ("walls",),
+    "moving_geometry": ("moving_walls", "walls"),
+    "curved_walls": ("walls",),
+    "mesh_walls": ("walls",),
+    "sdf_walls": ("walls",),
+}
+
+
+def entailed(names: Iterable[str]) -> set[str]:
+    """Features and those without which they cannot be: friction has a history and turns bodies."""
+    return {found for name in names for found in (name, *_ENTAILED.get(name, ()))}
 
 
 def features(scene: Scene) -> Features:

@@ -5,12 +5,13 @@ Both drivers, half lists on the CPU and full lists on CUDA, call these.
 
 from dataclasses import dataclass, field
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
 
 from dembench.solver.laws import LawOptions, contact_force, rolling_torque, surface_functions
-from dembench.solver.pairs import ONE, pair_lookup
+from dembench.solver.pairs import ONE, pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
@@ -29,6 +30,7 @@ class StepOptions:
         bigs: Whether there are large bodies.
         periodic: Whether some axis of the domain is periodic.
         rotation: Whether spins are integrated.
+        radii: Whether bodies have different radii.
         threads: Whether several threads share the step.
     """
 
@@ -39,7 +41,37 @@ class StepOptions:
     bigs: bool = False
     periodic: bool = False
     rotation: bool = True
+    radii: bool = True
     threads: bool = False
+
+
+@cache
+def load_functions(precision: str, rotation: bool) -> Any:
+    """Warp functions `get` (bodies, i) -> row and `put` (bodies, i, row): what acts on a body, force and torque.
+
+    Without rotation there is no torque to keep, and the force stands in an array of its own.
+    """
+    t = types(precision)
+    real, vec4, vec8, Bodies = t.real, t.vec4, t.vec8, t.Bodies
+
+    @wp.func
+    def get(b: Bodies, i: int):
+        row = vec8()
+        if wp.static(rotation):
+            row = b.load[i] * real(1.0)
+        else:
+            f = b.force[i]
+            row = vec8(f[0], f[1], f[2], f[3], real(0.0), real(0.0), real(0.0), real(0.0))
+        return row
+
+    @wp.func
+    def put(b: Bodies, i: int, row: vec8):
+        if wp.static(rotation):
+            b.load[i] = row
+        else:
+            b.force[i] = vec4(row[0], row[1], row[2], row[3])
+
+    return SimpleNamespace(get=get, put=put)
 
 
 @cache
@@ -52,7 +84,8 @@ def force_functions(o: StepOptions) -> Any:
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass = t.Bodies, t.PairClass
     force, rolling_of = contact_force(o.law), rolling_torque(o.law.precision)
-    _of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
+    _of_pair, of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
+    radius_of, rotation = radius_function(o.law.precision, o.radii), o.rotation
     separation = image_functions(o.law.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of, turning_of = of_feature.distance, of_feature.velocity, of_feature.spin
@@ -60,8 +93,11 @@ def force_functions(o: StepOptions) -> Any:
 
     @wp.func
     def spin(b: Bodies, i: int):
-        w = b.spin[i]
-        return vec3(w[0], w[1], w[2])
+        out = vec3()
+        if wp.static(rotation):
+            w = b.spin[i]
+            out = vec3(w[0], w[1], w[2])
+        return out
 
     @wp.func
     def load_of(f: vec3, torque: vec3):
@@ -87,7 +123,8 @@ def force_functions(o: StepOptions) -> Any:
         """Contact of bodies i and j: loads of both, the new memory and the overlap (0 if apart)."""
         on_i, on_j, after, overlap = vec8(), vec8(), vec4(), real(0.0)
         d = separation(b, ki, kj)
-        reach = ki[6] + kj[6]
+        ri, rj = radius_of(b, ki), radius_of(b, kj)
+        reach = ri + rj
         inside = reach * reach - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         if inside > wp.float64(0.0):
             # (reach^2 - r^2)/(reach + r) keeps the overlap exact in single precision where reach - r would not
@@ -98,7 +135,7 @@ def force_functions(o: StepOptions) -> Any:
             if r > real(0.0):
                 n = e * (real(1.0) / r)
             s, ti, tj = vec3(), vec3(), vec3()
-            ai, aj = lever(ki[6], overlap), lever(kj[6], overlap)
+            ai, aj = lever(ri, overlap), lever(rj, overlap)
             if wp.static(friction):
                 s = ai * wi + aj * wj
             f, ft, after = force(n, overlap, vec3(real(d[3]), real(d[4]), real(d[5])), s, memory, c, dt)
@@ -135,13 +172,14 @@ def force_functions(o: StepOptions) -> Any:
         k = b.kin[i]
         x = wp.vec3d(k[0], k[1], k[2])
         distance, normal = distance_of(walls, feature, first, x)
-        gap = distance - k[6]
+        radius = radius_of(b, k)
+        gap = distance - radius
         if gap < wp.float64(0.0):
             overlap = real(-gap)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
             dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(walls, feature, first, x)
             s, torque = vec3(), vec3()
-            arm = lever(k[6], overlap)
+            arm = lever(radius, overlap)
             if wp.static(friction):
                 s = arm * spin(b, i)
             c = of_wall(b, i, walls.features[feature].kind, table, columns)

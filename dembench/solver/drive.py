@@ -127,22 +127,28 @@ class Drive:
     def _kick(self, state: Any, time: float, dt: float) -> None:
         ids, force, torque = self._loads(state, time)
         slots, u, b = self._slots_of(state, ids), state.units, state.bodies
-        kin, spin = b.kin.numpy(), b.spin.numpy()
+        kin = b.kin.numpy()
         push = (dt / u.time) * force / u.force
-        turn = (dt / u.time) * torque / u.energy
         gain = push * b.inv_m.numpy()[slots, None].astype(np.float64)
-        swing = turn * b.inv_i.numpy()[slots, None].astype(np.float64)
-        velocity, rate = kin[slots, 3:6], spin[slots, :3].astype(np.float64)
-        self.work += float((push * (velocity + gain / 2)).sum() + (turn * (rate + swing / 2)).sum()) * u.energy
+        velocity = kin[slots, 3:6]
+        work = float((push * (velocity + gain / 2)).sum())
         kin[slots, 3:6] = velocity + gain
-        spin[slots, :3] = rate + swing
+        if state.needs.rotation:
+            spin, turn = b.spin.numpy(), (dt / u.time) * torque / u.energy
+            swing = turn * b.inv_i.numpy()[slots, None].astype(np.float64)
+            rate = spin[slots, :3].astype(np.float64)
+            work = float((push * (velocity + gain / 2)).sum() + (turn * (rate + swing / 2)).sum())
+            spin[slots, :3] = rate + swing
+        self.work += work * u.energy
 
     def _lay(self, state: Any, time: float, dt: float) -> None:
         """Writes the loads of the middle of the step, and counts half of their work by the velocities before it."""
         self._laid = ids, force, torque = self._loads(state, time, 0.5 * dt)
-        load, slots = state.bodies.load.numpy(), self._slots_of(state, ids)
+        load, slots = state.loads().numpy(), self._slots_of(state, ids)
         load[:] = 0
-        load[slots, :3], load[slots, 4:7] = force / state.units.force, torque / state.units.energy
+        load[slots, :3] = force / state.units.force
+        if state.needs.rotation:
+            load[slots, 4:7] = torque / state.units.energy
         self._account(state, dt)
 
     def _account(self, state: Any, dt: float) -> None:
@@ -150,8 +156,11 @@ class Drive:
         ids, force, torque = self._laid
         slots, u, b = self._slots_of(state, ids), state.units, state.bodies
         velocity = b.kin.numpy()[slots, 3:6] * u.velocity * (b.inv_m.numpy()[slots, None] > 0)
-        rate = b.spin.numpy()[slots, :3].astype(np.float64) / u.time * (b.inv_i.numpy()[slots, None] > 0)
-        self.work += 0.5 * dt * float((force * velocity).sum() + (torque * rate).sum())
+        power = float((force * velocity).sum())
+        if state.needs.rotation:
+            rate = b.spin.numpy()[slots, :3].astype(np.float64) / u.time * (b.inv_i.numpy()[slots, None] > 0)
+            power = float((force * velocity).sum() + (torque * rate).sum())
+        self.work += 0.5 * dt * power
 
     def _slots_of(self, state: Any, ids: np.ndarray) -> np.ndarray:
         """Place of bodies in the sorted arrays, -1 where they are gone."""

@@ -36,7 +36,7 @@ class FullSpheres:
         self._moves = state.walls.options.timed or state.walls.options.loads
         self.kernels = [self._step.begin, self._step.step] + [self._step.step_big] * bool(state.big_rows)
         self.kernels += [self._step.move_walls] * self._moves
-        tables, device = PairTables(scene, state.units, precision), state.device
+        tables, device = PairTables(scene, state.units, precision, state.lookup), state.device
         self._tables = [tables.pairs.to(device), tables.pair_columns, tables.walls.to(device), tables.wall_columns]
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
         self._flags = wp.zeros(BLOCK + 2, dtype=wp.int32, device=device)

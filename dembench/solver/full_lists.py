@@ -205,7 +205,7 @@ def full_list_kernels(precision: str, walls: WallOptions, friction: bool, period
         near[row * total + i] = 0
         if i != j and (i >= n or wp.dot(d, d) < reach * reach):
             near[row * total + i] = 1
-        else:
+        elif row * total + i < big_memory.shape[0]:
             big_memory[row * total + i] = vec4()
 
     @wp.kernel(enable_backward=False, module="unique")

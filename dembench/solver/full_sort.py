@@ -115,13 +115,17 @@ def sort_kernels(precision: str) -> Any:
         if k < n:
             i = order[k]
         b_out.kin[k] = b.kin[i]
-        b_out.spin[k] = b.spin[i]
+        if k < b.spin.shape[0]:
+            b_out.spin[k] = b.spin[i]
+            b_out.inv_i[k] = b.inv_i[i]
         b_out.inv_m[k] = b.inv_m[i]
-        b_out.inv_i[k] = b.inv_i[i]
         b_out.kind[k] = b.kind[i]
         identity_out[k] = identity[i]
         reference[k] = position(b, i)
-        for row in range(rows):
+        kept = rows
+        if big_memory.shape[0] < rows * total:
+            kept = 0
+        for row in range(kept):
             big_memory_out[row * total + k] = big_memory[row * total + i]
 
     return SimpleNamespace(bounds=bounds, key=key, cell_starts=cell_starts, permute=permute)

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dembench.scene import Scene, features
+from dembench.scene import Scene
 from dembench.solver.full_lists import full_list_kernels, full_lists_type
 from dembench.solver.full_sort import CHUNKS, sort_kernels
+from dembench.solver.needs import Needs
 from dembench.solver.state import State
 from dembench.solver.units import Units
 
@@ -35,17 +36,24 @@ class FullState(State):
         slots, wall_slots, big_capacity: Room in the lists.
     """
 
-    def __init__(self, scene: Scene, units: Units, precision: str, device: str, wall_loads: bool = False):
+    def __init__(
+        self,
+        scene: Scene,
+        units: Units,
+        precision: str,
+        device: str,
+        wall_loads: bool = False,
+        needs: Needs | None = None,
+    ):
         self.device = wp.get_device(device)
-        has = features(scene)
-        self.friction = has.friction or has.rolling_friction
         self.generation = 0
         self.big_skin = 0.0
-        super().__init__(scene, units, precision, 1, wall_loads)
+        super().__init__(scene, units, precision, 1, wall_loads, needs)
 
     def _kernels(self, scene: Scene) -> Any:
-        precision, has = self.types.precision, features(scene)
-        lists = full_list_kernels(precision, self.walls.options, has.friction or has.rolling_friction, self.periodic)
+        del scene
+        precision = self.types.precision
+        lists = full_list_kernels(precision, self.walls.options, self.needs.friction, self.periodic)
         kernels = {**vars(sort_kernels(precision)), **vars(lists), **self._wrapping()}
         big = self.total > self.n
         unused = ["build_walls"] * (not self.walls.count) + ["flag_big", "fill_big"] * (not big)
@@ -60,18 +68,18 @@ class FullState(State):
     def _lists(self, per_particle: int) -> None:
         del per_particle
         n, total, rows = max(1, self.n), max(1, self.total), self.big_rows
-        for name in ("kin", "spin", "load", "inv_m", "inv_i", "kind"):
+        for name in ("kin", "spin", "load", "force", "inv_m", "inv_i", "kind"):
             setattr(self.bodies, name, getattr(self.bodies, name).to(self.device))
         self.identity = self.identity.to(self.device)
         b, self.spare, self._moved = self.bodies, self._record(), self._record()
         for name in ("kin", "spin"):
             setattr(self.spare, name, wp.zeros_like(getattr(b, name)))
             setattr(self._moved, name, getattr(self.spare, name))
-        for name in ("inv_m", "inv_i", "kind", "load"):
+        for name in ("inv_m", "inv_i", "kind", "load", "force"):
             setattr(self.spare, name, getattr(b, name))
         for name in ("inv_m", "inv_i", "kind"):
             setattr(self._moved, name, wp.zeros_like(getattr(b, name)))
-        self._moved.load = b.load
+        self._moved.load, self._moved.force = b.load, b.force
         self._identity_moved = wp.zeros_like(self.identity)
         self.reference = self._new(total, wp.vec3d)
         self.cell, self.order = self._new(2 * n, wp.int32), self._new(2 * n, wp.int32)
@@ -84,15 +92,15 @@ class FullState(State):
         for lists in (self.lists, self._old):
             lists.count, lists.wall_count = self._new(n, wp.int32), self._new(total, wp.int32)
             lists.big_start = self._new(rows + 1, wp.int32)
-            lists.big_memory = self._new(rows * total, self.types.vec4)
+            lists.big_memory = self._new(rows * total * self.needs.friction, self.types.vec4)
             lists.big = self._new(self.big_capacity, wp.int32)
             self._allocate_slots(lists)
 
     def _allocate_slots(self, lists: Any) -> None:
         pairs, walls = self.slots * max(1, self.n), self.wall_slots * max(1, self.total)
         lists.partner, lists.wall = self._new(pairs, wp.int32), self._new(walls, wp.int32)
-        lists.memory = self._new(pairs * self.friction, self.types.vec4)
-        lists.wall_memory = self._new(walls * self.friction, self.types.vec4)
+        lists.memory = self._new(pairs * self.needs.friction, self.types.vec4)
+        lists.wall_memory = self._new(walls * self.needs.friction, self.types.vec4)
 
     def _new(self, n: int, dtype: Any) -> wp.array:
         return wp.zeros(max(1, n), dtype=dtype, device=self.device)

@@ -14,14 +14,14 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.contacts import StepOptions, force_functions
+from dembench.solver.contacts import StepOptions, force_functions, load_functions
 from dembench.solver.full_lists import MARK, full_lists_type
-from dembench.solver.pairs import pair_lookup
+from dembench.solver.pairs import pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import goes_on_function
 from dembench.solver.walls.distance import wall_functions
-from dembench.solver.walls.loads import load_functions
+from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -41,10 +41,12 @@ def full_kernels(o: StepOptions) -> Any:
     Bodies, PairClass = t.Bodies, t.PairClass
     FullLists = full_lists_type(o.law.precision)
     pair, wall, spin = force_functions(o)
-    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
+    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
+    load_of, radius = load_functions(o.law.precision, o.rotation), radius_function(o.law.precision, o.radii)
+    get_load, put_load = load_of.get, load_of.put
     nearest = image_functions(o.law.precision, o.periodic).nearest
     present, rotation, friction = o.walls.present, o.rotation, o.law.friction
-    meshes, loads, of_loads = o.walls.meshes, o.walls.loads, load_functions(o.walls)
+    meshes, loads, of_loads = o.walls.meshes, o.walls.loads, wall_load_functions(o.walls)
     clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     distance_of, goes_on = wall_functions(o.walls).distance, goes_on_function(o.walls)
 
@@ -75,14 +77,16 @@ def full_kernels(o: StepOptions) -> Any:
     ):
         """Half kicks and the drift of body i into b_out; sets flags[s] where the body leaves its ball."""
         k = b.kin[i] * wp.float64(1.0)
-        w = b.spin[i] * real(1.0)
         half = dt * wp.float64(0.5)
-        g = real(half) * b.inv_i[i]
-        turn = vec4(g * load[4], g * load[5], g * load[6], real(0.0))
         for _ in range(kicks):
             k = kick(k, load, b.inv_m[i], half, gravity)
-            if wp.static(rotation):
+        if wp.static(rotation):
+            w = b.spin[i] * real(1.0)
+            g = real(half) * b.inv_i[i]
+            turn = vec4(g * load[4], g * load[5], g * load[6], real(0.0))
+            for _ in range(kicks):
                 w = w + turn
+            b_out.spin[i] = w
         if drift:
             x = wp.vec3d(k[0] + dt * k[3], k[1] + dt * k[4], k[2] + dt * k[5])
             k = vec8d(x[0], x[1], x[2], k[3], k[4], k[5], k[6], k[7])
@@ -93,7 +97,6 @@ def full_kernels(o: StepOptions) -> Any:
                 flags[s] = 1
                 flags[flags.shape[0] - 1] = 1
         b_out.kin[i] = k
-        b_out.spin[i] = w
 
     @wp.kernel(enable_backward=False, module="unique")
     def begin(
@@ -113,7 +116,7 @@ def full_kernels(o: StepOptions) -> Any:
         reach = limit
         if i >= n:
             reach = big_limit
-        finish(i, 0, 1, True, b.load[i], dt, gravity, reach, reference, b, b, flags)
+        finish(i, 0, 1, True, get_load(b, i), dt, gravity, reach, reference, b, b, flags)
 
     @wp.func
     def touch(
@@ -144,7 +147,7 @@ def full_kernels(o: StepOptions) -> Any:
     def apart(b: Bodies, i: int, j: int):
         ki, kj = b.kin[i], b.kin[j]
         d = nearest(b, wp.vec3d(ki[0] - kj[0], ki[1] - kj[1], ki[2] - kj[2]))
-        reach = ki[6] + kj[6]
+        reach = radius(b, ki) + radius(b, kj)
         return wp.dot(d, d) >= reach * reach
 
     @wp.func
@@ -157,13 +160,13 @@ def full_kernels(o: StepOptions) -> Any:
             f = lists.wall[slot] - MARK
             if f >= walls.plain:
                 distance, normal = distance_of(walls, f, 0, x)
-                if distance >= k[6]:
+                if distance >= radius(b, k):
                     lists.wall[slot] = f
                     going = bool(True)
                     for p in range(lists.wall_count[i]):
                         g = lists.wall[p * total + i]
                         if going and p != q and g < MARK:
-                            if goes_on(walls, 0, f, g, x, k[6], normal):
+                            if goes_on(walls, 0, f, g, x, radius(b, k), normal):
                                 lists.wall[p * total + i] = g + MARK
                                 lists.wall_memory[p * total + i] = lists.wall_memory[slot]
                                 going = False
@@ -286,7 +289,7 @@ def full_kernels(o: StepOptions) -> Any:
             sum = sum + wall_load(b, lists, i, total, walls, wall_table, wall_columns, memory_dt)
         if largest > overlaps[i]:
             overlaps[i] = largest
-        b.load[i] = sum
+        put_load(b, i, sum)
         finish(i, s + 1, after, after == DRIFT, sum, dt, gravity, limit, reference, b, b_out, flags)
 
     @wp.kernel(enable_backward=False, module="unique")
@@ -324,13 +327,16 @@ def full_kernels(o: StepOptions) -> Any:
                 j = lists.big[q]
                 slot = row * total + j
                 if not apart(b, i, j):
-                    memory = lists.big_memory[slot]
+                    memory = vec4()
+                    if wp.static(friction):
+                        memory = lists.big_memory[slot]
                     load, spring, overlap = touch(b, i, j, memory, pair_table, pair_columns, memory_dt)
                     if overlap > real(0.0):
                         sum = sum + load
                         largest = wp.max(largest, overlap)
-                    lists.big_memory[slot] = spring
-                else:
+                    if wp.static(friction):
+                        lists.big_memory[slot] = spring
+                elif wp.static(friction):
                     lists.big_memory[slot] = vec4()
         loads = wp.tile_sum(wp.tile(sum, preserve_type=True))
         deepest = wp.tile_max(wp.tile(largest))
@@ -341,7 +347,7 @@ def full_kernels(o: StepOptions) -> Any:
                     load = load + wall_load(b, lists, i, total, walls, wall_table, wall_columns, memory_dt)
                 if deepest[0] > overlaps[i]:
                     overlaps[i] = deepest[0]
-                b.load[i] = load
+                put_load(b, i, load)
                 finish(i, s + 1, after, after == DRIFT, load, dt, gravity, limit, reference, b, b_out, flags)
             else:
                 flags[s + 1] = 1

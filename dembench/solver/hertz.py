@@ -10,14 +10,14 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.contacts import StepOptions, force_functions
+from dembench.solver.contacts import StepOptions, force_functions, load_functions
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import ONE, TABLE, pair_lookup
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
-from dembench.solver.walls.loads import load_functions
+from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -39,14 +39,17 @@ def advance_kernel(o: StepOptions) -> Any:
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     pair, wall, spin = force_functions(o)
-    rows = row_functions(Bodies, vec8, Lists, vec4)
+    rows = row_functions(Bodies, vec8, Lists, vec4, o.rotation)
+    load_of = load_functions(o.law.precision, o.rotation)
+    get_load, put_load = load_of.get, load_of.put
     kin_of, spin_of, add_load, prefetch = rows.kin, rows.spin, rows.add_load, rows.prefetch
     memory_of, set_memory, entry = rows.memory_of, rows.set_memory, rows.entry
-    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
-    near = near_functions(o.law.precision, o.periodic)
+    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
+    near = near_functions(o.law.precision, o.periodic, o.radii, o.law.friction)
     pick_near, pick_big = near.pick_near, near.pick_big
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
-    hand_over, of_loads, loads = hand_over_function(o.law.precision, o.walls), load_functions(o.walls), o.walls.loads
+    hand_over = hand_over_function(o.law.precision, o.walls, o.radii)
+    of_loads, loads = wall_load_functions(o.walls), o.walls.loads
     clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     bigs, rotation, threads, friction = o.bigs, o.rotation, o.threads, o.law.friction
     alike = o.alike and o.pairs in (ONE, TABLE)
@@ -54,7 +57,7 @@ def advance_kernel(o: StepOptions) -> Any:
     @wp.func
     def kick(b: Bodies, i: int, k: vec8d, times: int, half: wp.float64, gravity: wp.vec3d):
         """Half a step of acceleration, `times` times; rounded after each, so that blocks may end anywhere."""
-        load = b.load[i]
+        load = get_load(b, i)
         m = b.inv_m[i]
         out = k
         if m > real(0.0):
@@ -79,7 +82,7 @@ def advance_kernel(o: StepOptions) -> Any:
         """The second half kick of the last step where it is pending, the first of this one, and the drift."""
         k = kick(b, i, b.kin[i], 1 + pending, dt * wp.float64(0.5), gravity)
         b.kin[i] = vec8d(k[0] + dt * k[3], k[1] + dt * k[4], k[2] + dt * k[5], k[3], k[4], k[5], k[6], k[7])
-        b.load[i] = vec8()
+        put_load(b, i, vec8())
         return k[3] * k[3] + k[4] * k[4] + k[5] * k[5]
 
     @wp.func
@@ -123,15 +126,19 @@ def advance_kernel(o: StepOptions) -> Any:
                 wj = vec3(u[0], u[1], u[2])
             if wp.static(not alike):
                 c = of_pair(b, i, j, table, columns)
-            memory = memory_of(lists, k)
+            memory = vec4()
+            if wp.static(friction):
+                memory = memory_of(lists, k)
             on_i, on_j, after, overlap = pair(b, i, j, ki, kj, wi, wj, memory, c, dt)
             if overlap > real(0.0):
                 total = total + on_i
                 add_load(b, j, on_j)
-                set_memory(lists, k, after)
                 largest = wp.max(largest, overlap)
+                if wp.static(friction):
+                    set_memory(lists, k, after)
             elif memory[3] != real(0.0):
-                set_memory(lists, k, vec4())
+                if wp.static(friction):
+                    set_memory(lists, k, vec4())
         if current >= 0:
             add_load(b, current, total)
         return largest
@@ -151,15 +158,18 @@ def advance_kernel(o: StepOptions) -> Any:
         first = part * walls.motions.shape[0]
         if wp.static(loads):
             clear_loads(walls, part)
-        if wp.static(meshes):
+        if wp.static(meshes and friction):
             hand_over(b, lists, walls, first, base, count, wp.float64(0.0))
         for q in range(count):
             slot = base + q
-            i, memory = lists.wall_i[slot], lists.wall_memory[slot]
+            i, memory = lists.wall_i[slot], vec4()
+            if wp.static(friction):
+                memory = lists.wall_memory[slot]
             load, after, overlap = wall(b, i, walls, lists.wall_f[slot], first, memory, table, columns, dt)
             if overlap > real(0.0):
-                b.load[i] = b.load[i] + load
-                lists.wall_memory[slot] = after
+                put_load(b, i, get_load(b, i) + load)
+                if wp.static(friction):
+                    lists.wall_memory[slot] = after
                 if wp.static(loads):
                     k = b.kin[i]
                     x = wp.vec3d(k[0], k[1], k[2])
@@ -167,7 +177,8 @@ def advance_kernel(o: StepOptions) -> Any:
                     t = wp.vec3d(wp.float64(load[4]), wp.float64(load[5]), wp.float64(load[6]))
                     add_load_to_wall(walls, part, lists.wall_f[slot], first, x, f, t, wp.float64(dt))
             elif memory[3] != real(0.0):
-                lists.wall_memory[slot] = vec4()
+                if wp.static(friction):
+                    lists.wall_memory[slot] = vec4()
 
     @wp.func
     def big_contacts(
@@ -185,15 +196,19 @@ def advance_kernel(o: StepOptions) -> Any:
             i, j = lists.big_i[q], lists.big_j[q]
             slot = (j - n) * total + i
             c = of_pair(b, i, j, table, columns)
-            wi, wj = spin(b, i), spin(b, j)
-            on_i, on_j, after, overlap = pair(b, i, j, b.kin[i], b.kin[j], wi, wj, lists.big_memory[slot], c, dt)
+            wi, wj, memory = spin(b, i), spin(b, j), vec4()
+            if wp.static(friction):
+                memory = lists.big_memory[slot]
+            on_i, on_j, after, overlap = pair(b, i, j, b.kin[i], b.kin[j], wi, wj, memory, c, dt)
             if overlap > real(0.0):
-                b.load[i] = b.load[i] + on_i
-                b.load[j] = b.load[j] + on_j
-                lists.big_memory[slot] = after
+                add_load(b, i, on_i)
+                add_load(b, j, on_j)
                 largest = wp.max(largest, overlap)
-            elif lists.big_memory[slot][3] != real(0.0):
-                lists.big_memory[slot] = vec4()
+                if wp.static(friction):
+                    lists.big_memory[slot] = after
+            elif memory[3] != real(0.0):
+                if wp.static(friction):
+                    lists.big_memory[slot] = vec4()
         return largest
 
     @wp.kernel(enable_backward=False, module="unique")

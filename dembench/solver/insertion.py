@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from dembench.scene import Bodies
 from dembench.scene.checks import LARGEST_OVERLAP
 from dembench.solver.guard import SolverError
-from dembench.solver.pairs import ONE, RADII, lookup_mode
+from dembench.solver.pairs import ONE, RADII
 
 
 class Newcomers:
@@ -44,22 +44,30 @@ class Newcomers:
             names = ", ".join(str(k) for k in accepted)
             raise SolverError(f"species: {unfit[0]} is given; accepted are those of the bodies at the start: {names}")
         of_species = np.array([s.radius for s in scene.species])[self.species]
-        if given is not None and lookup_mode(scene) != RADII and not np.array_equal(given, of_species):
+        state = simulation.state
+        if given is not None and state.lookup != RADII and not np.array_equal(given, of_species):
             raise SolverError("radius: accepted are those of the species, for the scene gives no radii by body")
         self.radii = of_species if given is None else given
+        same = simulation.radii.max(initial=0.0)
+        if not state.needs.radii and same and (self.radii != same).any():
+            raise SolverError(
+                f"radius: {self.radii[self.radii != same][0]:g} m is given; accepted is {same:g} m, which all bodies "
+                "have; Simulation(..., force=('polydisperse',)) takes others"
+            )
+        state.refuse_rotation("angular_velocity", bodies.angular_velocity)
         if not (self.radii > 0).all():
             raise SolverError(f"radius: {self.radii.min():g} m is given; accepted are numbers above 0")
         self.masses = np.array([scene.material(s.material).density for s in scene.species])[self.species]
         self.masses = self.masses * (4 / 3 * np.pi * self.radii**3)
         _check_room(simulation, bodies.position, self.radii)
-        self._bodies, self._scene, self._units = bodies, scene, simulation.units
+        self._bodies, self._lookup, self._units = bodies, state.lookup, simulation.units
 
     def columns(self) -> dict[str, np.ndarray]:
         """Columns of the arrays of bodies by name, in scene units."""
         b, u = self._bodies, self._units
         mass, radius = self.masses / u.mass, self.radii / u.length
         blank = np.zeros((len(radius), 1))
-        one = lookup_mode(self._scene) == ONE
+        one = self._lookup == ONE
         return {
             "kin": np.hstack([b.position / u.length, b.velocity / u.velocity, radius[:, None], blank]),
             "spin": np.hstack([b.angular_velocity * u.time, blank]),
@@ -73,7 +81,7 @@ def _species_that_fit(simulation: Any) -> list[int]:
     """Species for which the kernels were made: those of the bodies at the start, or of the small ones if all alike."""
     scene = simulation.scene
     small = np.unique(scene.bodies.species[simulation.state.small_at_start])
-    only = len(small) == 1 and lookup_mode(scene) != RADII
+    only = len(small) == 1 and simulation.state.lookup != RADII
     return [int(k) for k in (small if only else np.unique(scene.bodies.species))]
 
 

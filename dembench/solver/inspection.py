@@ -90,7 +90,10 @@ class Contacts:
 def contacts_of(simulation: Any, found: Touching) -> Contacts:
     """Contacts of a simulation in SI units and by id, from those that its stepper found."""
     state, u, scene = simulation.state, simulation.units, simulation.scene
-    kin, spin = state.bodies.kin.numpy(), state.bodies.spin.numpy()[:, :3].astype(np.float64)
+    kin = state.bodies.kin.numpy()
+    spin = np.zeros((len(kin), 3))
+    if state.needs.rotation:
+        spin = state.bodies.spin.numpy()[:, :3].astype(np.float64)
     identity = state.identity.numpy()
     walls = tuple(wall.name for wall in scene.walls)
     of_feature = state.walls.record.features.numpy()["owner"]

@@ -29,7 +29,8 @@ from typing import Any
 
 import warp as wp
 
-from dembench.scene import LinearSpring, Material, PairLaw, Scene, features
+from dembench.scene import LinearSpring, Material, PairLaw, Scene
+from dembench.solver.needs import Needs
 from dembench.solver.types import types
 from dembench.solver.units import Units
 
@@ -61,14 +62,13 @@ class LawOptions:
     midpoint: bool = False
 
     @classmethod
-    def of(cls, scene: Scene, precision: str, midpoint: bool) -> "LawOptions":
+    def of(cls, scene: Scene, needs: Needs, precision: str, midpoint: bool) -> "LawOptions":
         """What of the law a scene needs."""
-        has = features(scene)
         variant = getattr(scene.law, "variant", "")
         return cls(
             precision=precision,
-            friction=has.friction or has.rolling_friction,
-            rolling=has.rolling_friction,
+            friction=needs.friction,
+            rolling=needs.present.rolling_friction,
             linear=isinstance(scene.law, LinearSpring),
             rescaled=variant == "rescaled",
             no_tension=variant == "no-tension",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from dembench.scene import Rigid, Scene, WallForce, features
+from dembench.scene import FORCEABLE, Rigid, Scene, WallForce, features
 from dembench.solver import soft
 from dembench.solver.full import FullSpheres, check_device
 from dembench.solver.full_state import FullState
@@ -13,6 +13,7 @@ from dembench.solver.guard import SolverError
 from dembench.solver.impulse import compliant_stepper as compliant
 from dembench.solver.impulse import stepper as rigid
 from dembench.solver.laws import LawOptions
+from dembench.solver.needs import Needs
 from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes, refuse_for_shapes
 from dembench.solver.state import State
 from dembench.solver.units import Units
@@ -30,6 +31,7 @@ class Method:
         substeps: Substeps of a step with compliant rows; None where the stiffest contact decides.
         velocity_sweeps, position_sweeps, stabilization: Of the impulse solver.
         wall_loads: Loads of walls are summed up.
+        needs: What the scene needs and what is forced.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Method:
     position_sweeps: int
     stabilization: bool
     wall_loads: bool
+    needs: Needs
 
     @property
     def impulses(self) -> bool:
@@ -99,7 +102,18 @@ def method_of(scene: Scene, chosen: dict[str, Any]) -> Method:
         position_sweeps=chosen["position_sweeps"],
         stabilization=chosen["stabilization"],
         wall_loads=loads,
+        needs=_needs(scene, tuple(chosen["force"]), name, rows),
     )
+
+
+def _needs(scene: Scene, force: tuple[str, ...], name: str, rows: str) -> Needs:
+    rigid = name == "impulse" and rows == "rigid"
+    for feature in force:
+        if feature not in FORCEABLE:
+            raise SolverError(f"force: '{feature}' cannot be forced; accepted are {', '.join(FORCEABLE)}")
+    if "rolling_friction" in force and (name == "impulse" or features(scene).shapes):
+        raise SolverError("force: rolling friction is for spheres and the soft-sphere solver")
+    return Needs.of(scene, force, loads=not rigid or features(scene).shapes, impulses=rigid)
 
 
 def _one_of(field: Literal["method", "rows"], value: str, accepted: tuple[str, ...]) -> str:
@@ -114,14 +128,14 @@ def carriers(scene: Scene, solved: Scene, units: Units, dt: float, m: Method) ->
     `solved` is the scene with the materials that the contact law sees, softer ones where the user wants them.
     """
     if features(scene).shapes:
-        state: Any = State(scene, units, "float64", 1)
+        state: Any = State(scene, units, "float64", 1, needs=m.needs)
         if m.impulses:
             return state, ImpulseShapes(scene, state, dt, m.velocity_sweeps, m.position_sweeps)
-        return state, SoftShapes(solved, state, dt, LawOptions.of(scene, "float64", m.midpoint))
+        return state, SoftShapes(solved, state, dt, LawOptions.of(scene, m.needs, "float64", m.midpoint))
     if m.lists == "full":
-        state = FullState(scene, units, m.precision, m.device, m.wall_loads)
+        state = FullState(scene, units, m.precision, m.device, m.wall_loads, m.needs)
         return state, FullSpheres(solved, state, dt, m.precision, m.midpoint)
-    state = State(scene, units, m.precision, 1 if m.impulses else m.threads, m.wall_loads)
+    state = State(scene, units, m.precision, 1 if m.impulses else m.threads, m.wall_loads, m.needs)
     if m.compliant:
         return state, compliant.CompliantImpulses(scene, state, dt, m.precision, m.substeps, m.velocity_sweeps)
     if m.impulses:

@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.sync import row_functions
 from dembench.solver.types import types
@@ -119,14 +120,20 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
                 i = order[k]
             place[i] = k
             b_out.kin[k] = b.kin[i]
-            b_out.spin[k] = b.spin[i]
-            b_out.load[k] = b.load[i]
             b_out.inv_m[k] = b.inv_m[i]
-            b_out.inv_i[k] = b.inv_i[i]
+            # what is left out has no elements; one kernel for all, as a rebuild is rare and a compilation is not
+            if k < b.spin.shape[0]:
+                b_out.spin[k] = b.spin[i]
+                b_out.inv_i[k] = b.inv_i[i]
+            if k < b.load.shape[0]:
+                b_out.load[k] = b.load[i]
+            if k < b.force.shape[0]:
+                b_out.force[k] = b.force[i]
             b_out.kind[k] = b.kind[i]
             identity_out[k] = identity[i]
-            for row in range(bigs):
-                big_memory_out[row * total + k] = big_memory[row * total + i]
+            if big_memory.shape[0] > 0:
+                for row in range(bigs):
+                    big_memory_out[row * total + k] = big_memory[row * total + i]
 
     @wp.kernel(enable_backward=False, module="unique")
     def collect(
@@ -242,14 +249,16 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
                                     k = base[2 * part] + inside
                                     lists.i[k] = i
                                     lists.j[k] = j
-                                    lists.memory[k] = carried(i, j, old, place, head, follow)
+                                    if k < lists.memory.shape[0]:
+                                        lists.memory[k] = carried(i, j, old, place, head, follow)
                                 inside += 1
                             else:
                                 if across < room_across:
                                     k = base[2 * part + 1] + across
                                     lists.i[k] = i
                                     lists.j[k] = j
-                                    lists.memory[k] = carried(i, j, old, place, head, follow)
+                                    if k < lists.memory.shape[0]:
+                                        lists.memory[k] = carried(i, j, old, place, head, follow)
                                 across += 1
         count[2 * part] = inside
         count[2 * part + 1] = across
@@ -301,14 +310,15 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
             begin = base + found
             near = gather(walls, position(b, i), b.kin[i][6], skin, begin, 1, capacity - found, lists.wall_f)
             for k in range(begin, wp.min(begin + near, base + capacity)):
-                memory = vec4()
-                q = head[i]
-                while q >= 0:
-                    if old.wall_f[q] == lists.wall_f[k]:
-                        memory = old.wall_memory[q]
-                    q = follow[q]
                 lists.wall_i[k] = i
-                lists.wall_memory[k] = memory
+                if k < lists.wall_memory.shape[0]:
+                    memory = vec4()
+                    q = head[i]
+                    while q >= 0:
+                        if old.wall_f[q] == lists.wall_f[k]:
+                            memory = old.wall_memory[q]
+                        q = follow[q]
+                    lists.wall_memory[k] = memory
             found += near
         count[part] = found
 
@@ -324,14 +334,18 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
 
 
 @cache
-def near_functions(precision: str, periodic: bool) -> Any:
-    """Warp functions that pick the near pairs of a region and the candidates of the large bodies."""
+def near_functions(precision: str, periodic: bool, radii: bool, history: bool) -> Any:
+    """Warp functions that pick the near pairs of a region and the candidates of the large bodies.
+
+    `radii`: bodies have different ones; `history`: contacts have a memory.
+    """
     t = types(precision)
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
     position = position_function(precision)
     image = image_functions(precision, periodic)
     nearest, separation = image.nearest, image.separation
-    native = row_functions(Bodies, t.vec8, Lists, vec4)
+    native = row_functions(Bodies, t.vec8, Lists, vec4, False)
+    radius = radius_function(precision, radii)
     kin, entry, set_entry = native.kin, native.entry, native.set_entry
     memory_of, set_memory = native.memory_of, native.set_memory
 
@@ -343,12 +357,13 @@ def near_functions(precision: str, periodic: bool) -> Any:
             k = base + q
             ki, kj = kin(b, entry(lists.i, k)), kin(b, entry(lists.j, k))
             d = separation(b, ki, kj)
-            reach = ki[6] + kj[6] + skin
+            reach = radius(b, ki) + radius(b, kj) + skin
             if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < reach * reach:
                 set_entry(lists.near, base + found, k)
                 found += 1
-            elif memory_of(lists, k)[3] != real(0.0):
-                set_memory(lists, k, vec4())
+            elif wp.static(history):
+                if memory_of(lists, k)[3] != real(0.0):
+                    set_memory(lists, k, vec4())
         return found
 
     @wp.func
@@ -360,17 +375,18 @@ def near_functions(precision: str, periodic: bool) -> Any:
         found = int(0)
         for j in range(n, total):
             xj = position(b, j)
-            rj = b.kin[j][6] + skin
+            rj = radius(b, b.kin[j]) + skin
             for i in range(j):
                 d = nearest(b, position(b, i) - xj)
-                reach = b.kin[i][6] + rj
+                reach = radius(b, b.kin[i]) + rj
                 if i >= n or wp.dot(d, d) < reach * reach:
                     if found < capacity:
                         lists.big_i[found] = i
                         lists.big_j[found] = j
                     found += 1
-                elif lists.big_memory[(j - n) * total + i][3] != real(0.0):
-                    lists.big_memory[(j - n) * total + i] = vec4()
+                elif wp.static(history):
+                    if lists.big_memory[(j - n) * total + i][3] != real(0.0):
+                        lists.big_memory[(j - n) * total + i] = vec4()
         return found
 
     return SimpleNamespace(pick_near=pick_near, pick_big=pick_big)

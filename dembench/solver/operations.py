@@ -22,6 +22,7 @@ from dembench.solver.insertion import Newcomers
 from dembench.solver.inspection import Contacts, contacts_of
 from dembench.solver.population import insert, remove
 from dembench.solver.relaxing import relax
+from dembench.solver.saving import array_bytes
 from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes
 from dembench.solver.walls.loads import FORCE, TORQUE, WORK
 
@@ -117,7 +118,7 @@ class Operations(Access):
         """Figures about the run, by name."""
         return {
             "list rebuilds": self.state.rebuilds,
-            "bytes per particle": self.state.memory_bytes() / max(1, self.state.total),
+            "bytes of all arrays": array_bytes(self),
             "largest overlap in any step [m]": self.largest_overlap(),
             **{
                 f"left through {sink.name}": int(gone)
@@ -182,7 +183,9 @@ class Operations(Access):
     def set_torque(self, torque: Any) -> None:
         """Constant torques on the bodies [N m], shape (n, 3), from now on; errors as for `set_force`."""
         self._drivable()
-        self.drive.set_torque(self.ids, self._vectors("torque", torque))
+        torques = self._vectors("torque", torque)
+        self.state.refuse_rotation("torque", torques)
+        self.drive.set_torque(self.ids, torques)
 
     def add_spring(
         self, body: int, stiffness: float, anchor: Any, velocity: Any = (0.0, 0.0, 0.0), damping: float = 0.0

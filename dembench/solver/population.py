@@ -43,11 +43,22 @@ def remove(state: State, leaves: np.ndarray) -> bool:
     """
     source = np.flatnonzero(~leaves)
     touched = any(
-        bool((memory[:, 3] != 0)[leaves[i] != leaves[j]].any())
+        bool(_in_contact(state, i, j, memory)[leaves[i] != leaves[j]].any())
         for i, j, memory in (*listed_pairs(state), *large_pairs(state))
     )
     renumber(state, source, int(np.count_nonzero(source < state.n)))
     return touched
+
+
+def _in_contact(state: State, i: np.ndarray, j: np.ndarray, memory: np.ndarray) -> np.ndarray:
+    """Which of the listed pairs touch, shape (k,): by their memory, or by their distance where they have none."""
+    if state.needs.history:
+        return memory[:, 3] != 0
+    kin = state.bodies.kin.numpy()
+    apart = kin[i, :3] - kin[j, :3]
+    box = np.where(state.box > 0, state.box, np.inf)
+    apart -= np.where(state.box > 0, state.box, 0.0) * np.round(apart / box)
+    return (i != j) & (np.linalg.norm(apart, axis=1) < kin[i, 6] + kin[j, 6])
 
 
 def insert(state: State, values: dict[str, np.ndarray], ids: np.ndarray) -> None:
@@ -55,14 +66,17 @@ def insert(state: State, values: dict[str, np.ndarray], ids: np.ndarray) -> None
 
     Args:
         state: With half lists.
-        values: Columns of the new bodies by name of the array in `Bodies`, shape (k, ...) in scene units.
+        values: Columns of the new bodies by name of the array in `Bodies`, shape (k, ...) in scene units; what the
+            state leaves out is not kept.
         ids: Their ids, shape (k,), above all ids that were ever given.
     """
     new = np.full(len(ids), -1)
     first, last = state.n, state.n + len(ids)
     renumber(state, np.concatenate([np.arange(first), new, np.arange(first, state.total)]), last)
     for name, columns in values.items():
-        getattr(state.bodies, name).numpy()[first:last] = columns
+        array = getattr(state.bodies, name)
+        if len(array):
+            array.numpy()[first:last] = columns
     state.identity.numpy()[first:last] = ids
     state.limit = int(ids[-1]) + 1
     state.reach = max(state.reach, 2 * float(values["kin"][:, 6].max()))
@@ -84,19 +98,24 @@ def renumber(state: State, source: np.ndarray, small: int) -> None:
     place[source[kept]] = np.flatnonzero(kept)
     _renumber_lists(state, place)
     arrays = {name: getattr(state.bodies, name) for name in state.bodies._cls.vars}
-    columns = {name: a.numpy()[:old_total].copy() for name, a in arrays.items() if isinstance(a, wp.array)}
+    held = {name: a for name, a in arrays.items() if isinstance(a, wp.array) and len(a)}
+    columns = {name: a.numpy()[:old_total].copy() for name, a in held.items()}
     identity = state.identity.numpy()[:old_total].copy()
-    memory = state.lists.big_memory.numpy()[: rows * old_total].reshape(rows, old_total, 4)
+    memory = np.zeros((rows, old_total, 4))
+    if state.needs.history:
+        memory = state.lists.big_memory.numpy()[: rows * old_total].reshape(rows, old_total, 4)
     total, bigs = len(source), source[small:] - old_n
     moved = np.zeros((len(bigs), total, 4), dtype=memory.dtype)
     moved[:, kept] = memory[bigs][:, source[kept]]
     state.n, state.total = small, total
-    if total > len(state.identity) or len(bigs) * total > len(state.lists.big_memory):
+    remembers = state.needs.history
+    if total > len(state.identity) or (remembers and len(bigs) * total > len(state.lists.big_memory)):
         room = int(GROWTH * total) + 64
         state.allocate(room)
         state.lists.big_memory = state.contact_memory(len(bigs) * room)
     state.divide()
-    state.lists.big_memory.numpy()[: moved.size // 4] = moved.reshape(-1, 4)
+    if remembers:
+        state.lists.big_memory.numpy()[: moved.size // 4] = moved.reshape(-1, 4)
     for name, old in columns.items():
         array = getattr(state.bodies, name).numpy()
         array[:total][kept] = old[source[kept]]
@@ -108,11 +127,11 @@ def _renumber_lists(state: State, place: np.ndarray) -> None:
     for i, j, memory in listed_pairs(state):
         new_i, new_j = place[i], place[j]
         gone = (new_i < 0) | (new_j < 0)
-        memory[gone] = 0
+        memory[gone[: len(memory)]] = 0
         i[:], j[:] = np.where(gone, 0, new_i), np.where(gone, 0, new_j)
     for body, memory in listed_at_walls(state):
         new = place[body]
-        memory[new < 0] = 0
+        memory[(new < 0)[: len(memory)]] = 0
         body[:] = np.maximum(new, 0)
 
 

@@ -54,11 +54,13 @@ def _overlap(simulation: Any) -> float:
 def _hold(state: Any, limit: float, dt: float) -> None:
     """Cuts speeds to half the limit and forces to what adds the other half in half a step [scene units]."""
     b, n = state.bodies, state.total
-    kin, load = b.kin.numpy()[:n], b.load.numpy()[:n]
+    kin, load = b.kin.numpy()[:n], state.loads().numpy()[:n]
     inverse = b.inv_m.numpy()[:n].astype(np.float64)
     speed = np.linalg.norm(kin[:, 3:6], axis=1)
     fast = (speed > limit / 2) & (inverse > 0)
     kin[fast, 3:6] *= (limit / 2 / speed[fast])[:, None]
+    if not len(load):
+        return
     gain = np.linalg.norm(load[:, :3].astype(np.float64), axis=1) * inverse * dt / 2
     strong = gain > limit / 2
     load[strong] *= (limit / 2 / gain[strong])[:, None]

@@ -86,6 +86,12 @@ def restore(root: Any, arrays: dict[str, np.ndarray], path: Path) -> None:
             setattr(owner, name, stored if isinstance(value, np.ndarray) else type(value)(stored.item()))
 
 
+def array_bytes(root: Any) -> int:
+    """Bytes of all arrays of kernels that an object and the objects of the solver below it hold."""
+    held = {id(value): value for *_, value in _leaves(root, "state") if isinstance(value, wp.array)}
+    return sum(array.capacity for array in held.values())
+
+
 def _leaves(owner: Any, key: str, seen: set[int] | None = None) -> Iterator[tuple[str, Any, str, Any]]:
     """Key, owner, attribute name and value of every array and number of an object and of those below it."""
     seen = {id(owner)} if seen is None else seen

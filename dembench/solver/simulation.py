@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -54,6 +54,8 @@ class Simulation(Operations):
             on the CPU, with one thread). None takes what the device needs.
         softening: Softer materials for the soft-sphere solver, within the overlap budget of `softening.softening_of`;
             `warnings` then says how soft.
+        force: Names of features (`needs.FORCEABLE`) that are computed though the scene does not need them, to measure
+            what leaving them out saves.
         wall_loads: Sum up what bodies do to walls, for `wall_force`, `wall_torque` and `wall_work`; None does so where
             the scene observes a wall force.
 
@@ -87,7 +89,9 @@ class Simulation(Operations):
         lists: Literal["half", "full"] | None = None,
         softening: bool = False,
         wall_loads: bool | None = None,
+        force: Iterable[str] = (),
     ):
+        force = list(force)
         settings = {name: value for name, value in locals().items() if name not in ("self", "scene")}
         chosen = method_of(scene, settings)
         if chosen.impulses and (softening or dt == "auto"):

@@ -12,7 +12,7 @@ from dembench.solver.guard import SolverError
 from dembench.solver.hertz import advance_kernel
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
-from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.pairs import PairTables
 from dembench.solver.periodic import unsupported_boxes
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.soft_contacts import touching
@@ -38,7 +38,7 @@ class SoftSpheres:
         state.skin = SKIN * state.diameter
         self._options = step_options(scene, state, precision, midpoint)
         self.kernels = [advance_kernel(self._options)]
-        self._tables = PairTables(scene, state.units, precision)
+        self._tables = PairTables(scene, state.units, precision, state.lookup)
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
         self._flags = wp.zeros(5, dtype=wp.int32, device="cpu")
         self._travel = wp.zeros(4 + 4 * state.parts, dtype=wp.float64, device="cpu")
@@ -47,7 +47,7 @@ class SoftSpheres:
     def prepare(self, first: int = 0) -> None:
         """Builds the lists and evaluates the forces after `first` steps, without growth of the contact springs."""
         self.relist(first)
-        self.state.bodies.load.zero_()
+        self.state.loads().zero_()
         flags = self._flags.numpy()
         flags[4] = 1
         # the forces of a step are those at its end
@@ -135,15 +135,16 @@ def unsupported_features(scene: Scene) -> list[str]:
 
 def step_options(scene: Scene, state: State, precision: str, midpoint: bool) -> StepOptions:
     """What of the soft-sphere step a scene needs."""
-    has = features(scene)
+    needs = state.needs
     return StepOptions(
-        law=LawOptions.of(scene, precision, midpoint),
-        pairs=lookup_mode(scene),
+        law=LawOptions.of(scene, needs, precision, midpoint),
+        pairs=state.lookup,
         alike=state.alike(),
         walls=state.walls.options,
         bigs=state.big_rows > 0,
         periodic=state.periodic,
-        rotation=has.rotation,
+        rotation=needs.rotation,
+        radii=needs.radii,
         threads=state.parts > 1,
     )
 

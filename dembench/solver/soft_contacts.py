@@ -28,11 +28,11 @@ def contact_kernel(o: StepOptions) -> Any:
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     functions = force_functions(o)
     pair, wall, spin = functions[0], functions[1], functions[2]
-    of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
+    of_pair, of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     distance_of = wall_functions(o.walls).distance
     separation = image_functions(o.law.precision, o.periodic).separation
     energy_of = contact_energy(o.law)
-    present, bigs = o.walls.present, o.bigs
+    present, bigs, friction = o.walls.present, o.bigs, o.law.friction
 
     @wp.func
     def put_pair(
@@ -91,20 +91,25 @@ def contact_kernel(o: StepOptions) -> Any:
         found = int(0)
         for region in range(2 * parts):
             for k in range(base[region], base[region] + pair_count[region]):
-                i, j, memory = lists.i[k], lists.j[k], lists.memory[k]
+                i, j, memory = lists.i[k], lists.j[k], vec4()
+                if wp.static(friction):
+                    memory = lists.memory[k]
                 found = put_pair(b, i, j, memory, pair_table, pair_columns, dt, found, who, where, force)
         if wp.static(bigs):
             for j in range(n, total):
                 for i in range(j):
-                    kept = lists.big_memory[(j - n) * total + i]
+                    kept = vec4()
+                    if wp.static(friction):
+                        kept = lists.big_memory[(j - n) * total + i]
                     found = put_pair(b, i, j, kept, pair_table, pair_columns, dt, found, who, where, force)
         if wp.static(present):
             for part in range(parts):
                 for slot in range(part * wall_capacity, part * wall_capacity + wall_count[part]):
                     body, f = lists.wall_i[slot] + 0, lists.wall_f[slot] + 0
-                    load, spring, depth = wall(
-                        b, body, walls, f, 0, lists.wall_memory[slot], wall_table, wall_columns, dt
-                    )
+                    before = vec4()
+                    if wp.static(friction):
+                        before = lists.wall_memory[slot]
+                    load, spring, depth = wall(b, body, walls, f, 0, before, wall_table, wall_columns, dt)
                     if depth > real(0.0):
                         at = b.kin[body]
                         _distance, n_wall = distance_of(walls, f, 0, wp.vec3d(at[0], at[1], at[2]))

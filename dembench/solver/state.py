@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dembench.scene import Scene, features
+from dembench.scene import Scene
+from dembench.solver.guard import SolverError
+from dembench.solver.needs import Needs
 from dembench.solver.neighbours import list_kernels
-from dembench.solver.pairs import kinds
+from dembench.solver.pairs import kinds, lookup_mode
 from dembench.solver.periodic import box_lengths, wrap_kernel
 from dembench.solver.population import drain, large_pairs, listed_at_walls, listed_pairs
 from dembench.solver.types import types, vec8d
@@ -27,7 +29,12 @@ BIG_LIMIT = 16
 class State:
     """Particle arrays in scene units, sorted by cell, with half lists for one or more threads.
 
+    What the scene does not need has no elements: spins, torques and moments of inertia where nothing turns, contact
+    memory where contacts remember nothing.
+
     Attributes:
+        needs: What is there.
+        lookup: How pair constants are looked up.
         n, total: Number of small particles, which are sorted, and of all; the large bodies stand behind them.
         small_at_start: Ids of the small bodies of the scene.
         limit: Above all ids of bodies that there are or were.
@@ -44,24 +51,35 @@ class State:
 
     device: Any = "cpu"
 
-    def __init__(self, scene: Scene, units: Units, precision: str, threads: int, wall_loads: bool = False):
+    def __init__(
+        self,
+        scene: Scene,
+        units: Units,
+        precision: str,
+        threads: int,
+        wall_loads: bool = False,
+        needs: Needs | None = None,
+    ):
         self.units = units
+        self.needs = needs or Needs.of(scene)
+        self.lookup = lookup_mode(scene, self.needs)
         self.types = types(precision)
         radii = scene.radii() / units.length
         self.diameter = 2 * float(radii.min()) if len(radii) else 1.0
         self.skin = 0.1 * self.diameter
         big = np.flatnonzero(radii > BIG_RATIO * np.median(radii)) if len(radii) else np.empty(0, int)
-        if len(big) > BIG_LIMIT or features(scene).shapes:
+        if len(big) > BIG_LIMIT or self.needs.present.shapes:
             big = np.empty(0, int)
         self.total = self.limit = len(radii)
         self.n = self.total - len(big)
         self.identity_start = np.concatenate([np.setdiff1d(np.arange(self.total), big), big]).astype(np.int32)
         self.small_at_start = self.identity_start[: self.n]
         self.parts = max(1, min(threads, self.n // 64))
-        self.walls = WallSet(scene, units, self.parts, self.device, wall_loads)
+        self.walls = WallSet(scene, units, self.parts, self.device, wall_loads, self.needs)
         self.wall_speed = 0.0
         self.low, self.box = np.array(scene.domain.lower) / units.length, box_lengths(scene) / units.length
-        self.periodic = bool(self.box.any())
+        self.periodic = bool(self.box.any()) or self.needs.forces("periodic")
+        self.radius = 0.0 if self.needs.radii else float(radii.max(initial=0.0))
         self.kernels = self._kernels(scene)
         self.reach = 2 * float(radii[self.identity_start[: self.n]].max(initial=0.5))
         self.sinks = [sink.region for sink in scene.sinks]
@@ -87,25 +105,34 @@ class State:
     def _record(self) -> Any:
         """A record Bodies without arrays."""
         b = self.types.Bodies()
+        b.radius = self.radius
         b.box = wp.vec3d(*self.box)
         b.inverse_box = wp.vec3d(*np.divide(1, self.box, out=np.zeros(3), where=self.box > 0))
         return b
 
     def _bodies(self, n: int) -> Any:
-        t = self.types
+        t, needs = self.types, self.needs
+        turns = needs.rotation
         b = self._record()
         b.kin = wp.zeros(n, dtype=vec8d, device="cpu")
-        b.spin, b.load = wp.zeros(n, dtype=t.vec4, device="cpu"), wp.zeros(n, dtype=t.vec8, device="cpu")
-        b.inv_m, b.inv_i = (wp.zeros(n, dtype=t.real, device="cpu") for _ in range(2))
+        b.spin = wp.zeros(n * turns, dtype=t.vec4, device="cpu")
+        b.load = wp.zeros(n * (needs.loads and turns), dtype=t.vec8, device="cpu")
+        b.force = wp.zeros(n * (needs.loads and not turns), dtype=t.vec4, device="cpu")
+        b.inv_m = wp.zeros(n, dtype=t.real, device="cpu")
+        b.inv_i = wp.zeros(n * turns, dtype=t.real, device="cpu")
         b.kind = wp.zeros(n, dtype=wp.int32, device="cpu")
         return b
+
+    def loads(self) -> wp.array:
+        """What acts on the bodies, in rows that begin with the force: `load`, or `force` where nothing turns."""
+        return self.bodies.load if self.needs.rotation else self.bodies.force
 
     def _ints(self, n: int) -> wp.array:
         return wp.zeros(max(1, n), dtype=wp.int32, device="cpu")
 
     def contact_memory(self, n: int) -> wp.array:
-        """Empty memory of n contacts."""
-        return wp.zeros(max(1, n), dtype=self.types.vec4, device="cpu")
+        """Empty memory of n contacts; none where contacts remember nothing."""
+        return wp.zeros(max(1, n) * self.needs.history, dtype=self.types.vec4, device="cpu")
 
     def allocate(self, n: int) -> None:
         """Empty arrays for n bodies."""
@@ -138,7 +165,8 @@ class State:
         for name in ("near", "big_i", "big_j"):
             setattr(self._old, name, self._ints(1))
         self._old.big_memory = self.contact_memory(1)
-        self._follow = self._ints(len(lists.i))
+        self._follow = self._ints(0)
+        self._room_to_follow(len(lists.i))
         self.pair_count = self._ints(2 * self.parts)
         self.wall_count = self._ints(self.parts)
         self.near_count = self._ints(2 * self.parts + 1)
@@ -152,6 +180,11 @@ class State:
         pairs = int(self.base.numpy()[-1])
         lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
         lists.memory = self.contact_memory(pairs)
+
+    def _room_to_follow(self, entries: int) -> None:
+        """Room for the chains of entries that have a memory."""
+        if self.needs.history and len(self._follow) < entries:
+            self._follow = self._ints(entries)
 
     def _new_walls(self, lists: Any) -> None:
         candidates = self.parts * self.wall_capacity
@@ -174,8 +207,9 @@ class State:
         b = self.bodies
         b.kin.numpy()[:, 6] = radii[ids]
         b.inv_m.assign(inverse_mass[ids])
-        b.inv_i.assign(inverse_inertia[ids])
-        b.kind.assign(kinds(scene)[ids])
+        if self.needs.rotation:
+            b.inv_i.assign(inverse_inertia[ids])
+        b.kind.assign(kinds(scene, self.lookup)[ids])
         velocity, spin = scene.bodies.velocity.copy(), scene.bodies.angular_velocity.copy()
         for constraint in scene.constraints:
             held = list(constraint.bodies)
@@ -196,17 +230,36 @@ class State:
         return np.sort(self.identity.numpy()[: self.total])
 
     def write(self, name: str, first: int, values: np.ndarray, scale: float) -> None:
-        """Sets three columns of kin or spin from values by ascending id and a unit, shape (total, 3)."""
+        """Sets three columns of kin or spin from values by ascending id and a unit, shape (total, 3).
+
+        Raises:
+            SolverError: Spins are given where nothing turns.
+        """
         array = getattr(self.bodies, name)
+        if not len(array):
+            self.refuse_rotation("angular_velocity", values)
+            return
         columns = array.numpy()
         columns[: self.total, first : first + 3] = values[self.rank()] / scale
         array.assign(columns)
 
     def read(self, name: str, first: int, scale: float) -> np.ndarray:
         """Three columns of kin, spin or load by ascending id, times a unit, shape (total, 3), float64."""
-        out = np.empty((self.total, 3))
-        out[self.rank()] = getattr(self.bodies, name).numpy()[: self.total, first : first + 3]
+        out = np.zeros((self.total, 3))
+        array = getattr(self.bodies, name)
+        if len(array):
+            out[self.rank()] = array.numpy()[: self.total, first : first + 3]
         return out * scale
+
+    def refuse_rotation(self, field: str, values: np.ndarray) -> None:
+        """Raises SolverError where bodies are to turn, by a field with values other than 0, and the state has no spins.
+
+        Without friction no contact sees a spin: it is left out.
+        """
+        if not self.needs.rotation and np.any(values):
+            raise SolverError(
+                f"{field}: the scene has no rotation, accepted are zeros; Simulation(..., force=('rotation',)) has it"
+            )
 
     def rank(self) -> np.ndarray:
         """For each sorted body how many have a lower id, shape (total,)."""
@@ -218,8 +271,8 @@ class State:
         return (np.cumsum(there) - 1)[ids]
 
     def alike(self) -> bool:
-        """Whether all small bodies are of one kind."""
-        return len(np.unique(self.bodies.kind.numpy()[: self.n])) <= 1
+        """Whether all small bodies are of one kind, and may be taken so."""
+        return not self.needs.forces("pair_table") and len(np.unique(self.bodies.kind.numpy()[: self.n])) <= 1
 
     # ---- rebuild
 
@@ -299,10 +352,11 @@ class State:
             setattr(self._old, name, ours)
         if len(self.lists.i) < int(self.base.numpy()[-1]):
             self._new_pairs(self.lists)
-        if len(self._follow) < len(self._old.i):
-            self._follow = self._ints(len(self._old.i))
+        self._room_to_follow(len(self._old.i))
         # where the regions of the old pairs begin does not change when the new ones grow
         self._old_base = wp.clone(self.base)
+        if not self.needs.history:
+            return
         self._launch(
             self.kernels.collect,
             self._old,
@@ -359,11 +413,11 @@ class State:
             ours, theirs = getattr(self.lists, name), getattr(self._old, name)
             setattr(self.lists, name, theirs)
             setattr(self._old, name, ours)
-        if len(self._follow) < len(self._old.wall_i):
-            self._follow = self._ints(len(self._old.wall_i))
+        self._room_to_follow(len(self._old.wall_i))
         chains = [self.head, self._follow]
-        inputs = [self._old, self.parts, self.wall_capacity, self.wall_count, self.place, self.total]
-        self._launch(self.kernels.collect_walls, *inputs, *chains)
+        if self.needs.history:
+            inputs = [self._old, self.parts, self.wall_capacity, self.wall_count, self.place, self.total]
+            self._launch(self.kernels.collect_walls, *inputs, *chains)
 
         def one(part: int) -> None:
             spans = [(int(self.ranges_host[part]), int(self.ranges_host[part + 1]), self.skin)]
@@ -405,20 +459,15 @@ class State:
             list(self._pool.map(work, range(self.parts)))
 
     def counts(self) -> dict[str, float]:
-        """Listed pairs and wall candidates, and how many of them have a contact memory, by name."""
+        """Listed pairs and wall candidates, and, where there is a contact memory, how many have one, by name."""
+        listed = {
+            "listed pairs": sum(len(row[0]) for row in listed_pairs(self)),
+            "listed at walls": sum(len(row[0]) for row in listed_at_walls(self)),
+        }
+        if not self.needs.history:
+            return listed
         pairs, walls, large = (
-            np.concatenate([np.zeros(0), *(row[-1][:, 3] for row in rows(self))])
+            int(sum(np.count_nonzero(row[-1][:, 3]) for row in rows(self)))
             for rows in (listed_pairs, listed_at_walls, large_pairs)
         )
-        return {
-            "listed pairs": len(pairs),
-            "pairs in contact": int(np.count_nonzero(pairs) + np.count_nonzero(large)),
-            "listed at walls": len(walls),
-            "contacts with walls": int(np.count_nonzero(walls)),
-        }
-
-    def memory_bytes(self) -> int:
-        """Bytes held by all arrays of the state."""
-        records = [r for r in vars(self).values() if hasattr(r, "_cls")]
-        held = [*vars(self).values(), *(getattr(r, k) for r in records for k in r._cls.vars)]
-        return sum(a.capacity for a in {id(a): a for a in held if isinstance(a, wp.array)}.values())
+        return {**listed, "pairs in contact": pairs + large, "contacts with walls": walls}

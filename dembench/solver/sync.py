@@ -27,7 +27,7 @@ _BARRIER = """
 def barrier(state: wp.array(dtype=wp.int32), threads: int): ...
 
 
-def row_functions(record: Any, rows: Any, pairs: Any, memory: Any) -> Any:
+def row_functions(record: Any, rows: Any, pairs: Any, memory: Any, rotation: bool) -> Any:
     """Direct access to the rows of the arrays that the pair loop lives on, as Warp functions.
 
     The generated access allows negative indices and any stride, which doubles the instructions of a pair; here both are
@@ -39,6 +39,7 @@ def row_functions(record: Any, rows: Any, pairs: Any, memory: Any) -> Any:
         rows: Type of a row of `load`.
         pairs: The record Lists.
         memory: Type of a row of contact memory.
+        rotation: Whether bodies turn: `load` is then added to, else `force`.
     """
 
     @wp.func_native("return b.kin.data[i];")
@@ -47,7 +48,11 @@ def row_functions(record: Any, rows: Any, pairs: Any, memory: Any) -> Any:
     @wp.func_native("return b.spin.data[i];")
     def spin(b: record, i: int) -> memory: ...
 
-    @wp.func_native("for (int k = 0; k < 8; ++k) b.load.data[i].c[k] += row.c[k];")
+    @wp.func_native(
+        "for (int k = 0; k < 8; ++k) b.load.data[i].c[k] += row.c[k];"
+        if rotation
+        else "for (int k = 0; k < 4; ++k) b.force.data[i].c[k] += row.c[k];"
+    )
     def add_load(b: record, i: int, row: rows): ...
 
     @wp.func_native("return lists.memory.data[k];")
@@ -63,7 +68,12 @@ def row_functions(record: Any, rows: Any, pairs: Any, memory: Any) -> Any:
     def set_entry(values: wp.array(dtype=wp.int32), k: int, value: int): ...
 
     @wp.func_native(
-        "__builtin_prefetch(&b.kin.data[i]);__builtin_prefetch(&b.spin.data[i]);__builtin_prefetch(&b.load.data[i], 1);"
+        "__builtin_prefetch(&b.kin.data[i]);"
+        + (
+            "__builtin_prefetch(&b.spin.data[i]);__builtin_prefetch(&b.load.data[i], 1);"
+            if rotation
+            else "__builtin_prefetch(&b.force.data[i], 1);"
+        )
     )
     def prefetch(b: record, i: int): ...
 

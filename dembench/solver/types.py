@@ -21,17 +21,19 @@ def types(precision: str) -> Any:
     """Types of a precision ("float32" or "float64"): real, vec3, vec4 and the records Bodies, PairClass, Lists.
 
     Bodies: the particle arrays, what a contact needs of a body side by side. kin: position (0-2), velocity (3-5),
-    radius (6); spin: angular velocity (0-2); load: force (0-2) and torque (4-6); inv_m, inv_i: inverse mass and moment
-    of inertia, 0 where the motion is prescribed; kind: species; box, inverse_box: lengths of the periodic axes and
-    their inverses, 0 on the others.
+    radius (6); spin: angular velocity (0-2); load: force (0-2) and torque (4-6); force: force (0-2), in place of load
+    where no body turns; inv_m, inv_i: inverse mass and moment of inertia, 0 where the motion is prescribed; kind:
+    species; radius: that of all bodies where they have the same; box, inverse_box: lengths of the periodic axes and
+    their inverses, 0 on the others. What a scene does not need has no elements, see `state.Needs`.
 
-    PairClass: constants of a pair of species, of a species and a wall, or of two radii. radii: sum of the radii;
+    PairClass: constants of a pair of species, of a species and a wall, or of two radii.
     kn, kt: normal and tangential force per overlap^(3/2) and sqrt(overlap); dn, dt: dashpots per overlap^(1/4) (in a
     linear law all four are constants of the contact); mu: friction; roll: rolling friction times reduced radius;
     m: reduced mass; e, beta: normal and tangential restitution.
 
     Lists: pairs (i, j) within the skin and their contact memory, the subset that is near; candidates of bodies wall_i
-    against wall features wall_f, those of one body side by side, with their memory; candidates of the large bodies.
+    against wall features wall_f, those of one body side by side, with their memory; candidates of the large bodies. The
+    memories have no elements where contacts remember nothing.
     """
     real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
     vec3: Any = wp.types.vector(3, real)
@@ -42,9 +44,11 @@ def types(precision: str) -> Any:
         kin: wp.array(dtype=vec8d)
         spin: wp.array(dtype=vec4)
         load: wp.array(dtype=vec8)
+        force: wp.array(dtype=vec4)
         inv_m: wp.array(dtype=real)
         inv_i: wp.array(dtype=real)
         kind: wp.array(dtype=wp.int32)
+        radius: wp.float64
         box: wp.vec3d
         inverse_box: wp.vec3d
 

@@ -163,6 +163,7 @@ def test_decks_are_those_on_record(name: str, tmp_path: Path) -> None:
     ("absent", "command"),
     [
         ("friction", "tangential history"),
+        ("rotation", "nve/sphere"),
         ("walls", "wall/gran"),
         ("moving walls", "move/mesh"),
         ("gravity", "fix              gravity"),
@@ -179,6 +180,13 @@ def test_a_deck_has_only_the_commands_that_the_scene_needs(absent: str, command:
     assert command not in write(two_spheres(), tmp_path), f"no {absent}, yet the command is there"
     everything = "".join(write(build(), tmp_path, **overrides) for build, overrides in CASES.values())
     assert command in everything
+
+
+def test_a_feature_that_is_forced_has_its_commands(tmp_path: Path) -> None:
+    """Rotation entails no history; friction entails both."""
+    turning, rough = (write(two_spheres(), tmp_path, force=name) for name in ("rotation", "friction"))
+    assert "nve/sphere" in turning and "tangential history" not in turning
+    assert "nve/sphere" in rough and "tangential history" in rough
 
 
 def test_soft_grains_are_announced(tmp_path: Path) -> None:

@@ -189,6 +189,7 @@ def add_run(
     repeat: int = 1,
     settings: dict[str, Any] | None = None,
     snapshots: dict[str, SnapshotSeries] | None = None,
+    law: str = "",
     **status: Any,
 ) -> RunDirectory:
     """Writes the directory of one run; without observables it has no result."""
@@ -206,6 +207,7 @@ def add_run(
         scene_name=scene.name,
         bodies=len(scene.bodies),
         duration=scene.duration,
+        law=law,
         precision="float64",
     )
     run = RunDirectory(out / spec.name())

@@ -12,7 +12,9 @@ import pytest
 from reading import Page
 from synthetic import COMMAND, HOSTILE, add_run, impact, series
 
+from dembench.reports.entries import gather
 from dembench.reports.report import render
+from dembench.reports.timings import ratios
 from dembench.results import Observed
 from dembench.runs.directory import find_runs
 from dembench.scene import Scene
@@ -85,6 +87,50 @@ def test_an_own_time_step_in_the_closed_division_is_marked(stand_ins: None, tmp_
     for table in (own.table_with("Verdict"), own.table_with("Particle-steps")):
         assert [cell.text.split()[1:] for cell in own.column(table, "Loop time")] == [[], ["s"]]
     assert "with a time step of their own: beta[dt=5e-6] (5 µs)" in "".join(own.text)
+
+
+@pytest.mark.parametrize("division", ["closed", "open"])
+def test_what_is_not_of_the_closed_division_is_never_ranked(stand_ins: None, tmp_path: Path, division: str) -> None:
+    """Nine times faster with a step of its own, or with another law: no ratio, and nobody is measured by it."""
+    scene = impact(0.02)
+    values = displacement(scene)
+    add_run(tmp_path, scene, "alpha", observables=values, loop=9.0, division=division)
+    add_run(tmp_path, scene, "alpha", observables=values, loop=18.0, division=division, overrides={"skin": "2"})
+    add_run(tmp_path, scene, "beta", observables=values, loop=1.0, division=division, overrides={"dt": "5e-6"})
+    add_run(tmp_path, scene, "gamma", observables=values, loop=1.0, division=division, law="rigid contacts")
+    page = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
+    expected = [1.0, 2.0, None, None] if division == "closed" else [9.0, 18.0, 1.0, 1.0]
+    for table in (page.table_with("Verdict"), page.table_with("Particle-steps")):
+        ratios = [float(cell.value) if cell.value else None for cell in page.column(table, "Ratio")]
+        assert ratios == expected
+
+
+def test_the_two_divisions_are_ranked_apart(stand_ins: None, tmp_path: Path) -> None:
+    """The fastest of each division is 1, also where a page shows both."""
+    scene = impact(0.02)
+    for division, engine, loop in (("closed", "alpha", 8.0), ("closed", "beta", 16.0), ("open", "gamma", 1.0)):
+        add_run(tmp_path, scene, engine, observables=displacement(scene), loop=loop, division=division)
+    (group,) = gather(find_runs(tmp_path), by_division=False)
+    found = dict(zip([m.label for m in group.members], [cell.value for cell in ratios(group.members)], strict=True))
+    assert {name.split("[")[0].split(",")[0]: value for name, value in found.items()} == {
+        "alpha": 1.0,
+        "beta": 2.0,
+        "gamma": 1.0,
+    }
+
+
+def test_every_setting_is_printed_with_who_chose_it(stand_ins: None, tmp_path: Path) -> None:
+    scene = impact(0.02)
+    chosen = {"settings": {"skin": "0.1"}, "overrides": {"sweeps": "8"}}
+    add_run(tmp_path, scene, "alpha", observables=displacement(scene), **chosen)
+    page = Page(render(find_runs(tmp_path), tmp_path / "report.html").read_text(encoding="utf-8"))
+    table = page.table_with("Chosen by")
+    rows = zip(page.column(table, "Setting"), page.column(table, "Chosen by"), strict=True)
+    assert {setting.text: by.text for setting, by in rows} == {
+        "dt": "default of the closed division",
+        "skin": "default of the closed division",
+        "sweeps": "as typed",
+    }
 
 
 def test_quantities_stand_beside_their_references(read: Page) -> None:

@@ -9,7 +9,7 @@ import warp as wp
 from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import surface_functions
-from dembench.solver.pairs import pair_lookup
+from dembench.solver.pairs import pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
@@ -29,9 +29,10 @@ def contact_kernel(o: CompliantOptions) -> Any:
     separation = image_functions(o.law.precision, o.periodic).separation
     surface = surface_functions(o.law)
     arm_of, spring_of = surface.arm, surface.spring
-    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
+    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
+    radius = radius_function(o.law.precision, o.radii)
     friction, linear, shared = o.law.friction, o.law.linear, o.shared
 
     @wp.func
@@ -82,20 +83,24 @@ def contact_kernel(o: CompliantOptions) -> Any:
                 d = wp.vec3d(apart[0], apart[1], apart[2])
                 n = wp.normalize(d)
                 v = wp.vec3d(apart[3], apart[4], apart[5])
-                overlap = ki[6] + kj[6] - wp.length(d)
-                s = arm_of(ki[6], real(overlap)) * spin(b, i) + arm_of(kj[6], real(overlap)) * spin(b, j)
-                if r < big:
-                    memory = lists.memory[slot]
-                else:
-                    memory = lists.big_memory[slot]
+                ri, rj = radius(b, ki), radius(b, kj)
+                overlap = ri + rj - wp.length(d)
+                if wp.static(friction):
+                    s = arm_of(ri, real(overlap)) * spin(b, i) + arm_of(rj, real(overlap)) * spin(b, j)
+                    if r < big:
+                        memory = lists.memory[slot]
+                    else:
+                        memory = lists.big_memory[slot]
             else:
                 f = lists.wall_f[slot]
                 distance, normal = distance_of(walls, f, 0, x)
                 n = normal
                 v = v - velocity_of(walls, f, 0, x)
-                overlap = ki[6] - distance
-                s = arm_of(ki[6], real(overlap)) * spin(b, i)
-                memory = lists.wall_memory[slot]
+                own = radius(b, ki)
+                overlap = own - distance
+                if wp.static(friction):
+                    s = arm_of(own, real(overlap)) * spin(b, i)
+                    memory = lists.wall_memory[slot]
             c = PairClass()
             if wp.static(shared):
                 if r < big:

@@ -22,7 +22,7 @@ from dembench.solver.impulse.compliant_rows import (
 )
 from dembench.solver.impulse.exchange import impulse_function
 from dembench.solver.laws import surface_functions
-from dembench.solver.pairs import pair_lookup
+from dembench.solver.pairs import pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
@@ -41,7 +41,7 @@ def opening_functions(o: CompliantOptions) -> Any:
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows = compliant_types(precision)
-    native = compliant_access(precision)
+    native = compliant_access(precision, o.rotation)
     kin, spin, memory_of, set_memory, entry = (
         native.kin,
         native.spin,
@@ -52,12 +52,13 @@ def opening_functions(o: CompliantOptions) -> Any:
     change_of, set_change, set_impulse, put = native.change_of, native.set_change, native.set_impulse, native.put
     ask_body = native.ask_body
     after = impulse_function(precision)
-    of_pair, of_wall = pair_lookup(precision, o.pairs)
+    of_pair, of_wall = pair_lookup(precision, o.pairs, o.radii)
     of_feature = wall_functions(o.walls)
     separation = image_functions(precision, o.periodic).separation
     surface = surface_functions(o.law)
     arm_of, spring_of = surface.arm, surface.spring
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
+    radius = radius_function(precision, o.radii)
     friction, linear, shared = o.law.friction, o.law.linear, o.shared
 
     @wp.func
@@ -155,7 +156,8 @@ def opening_functions(o: CompliantOptions) -> Any:
                     wi = vec3(w[0], w[1], w[2])
             kj = kin(b, j)
             d = separation(b, ki, kj)
-            sum = ki[6] + kj[6]
+            ri, rj = radius(b, ki), radius(b, kj)
+            sum = ri + rj
             r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
             kept = int(0)
             if r2 < (sum + reach) * (sum + reach):
@@ -176,16 +178,18 @@ def opening_functions(o: CompliantOptions) -> Any:
                     if wp.static(not shared):
                         c = of_pair(b, i, j, table, columns)
                         rows.c[found] = c
-                    ai, aj = arm_of(ki[6], overlap), arm_of(kj[6], overlap)
-                    m = memory_of(lists, k)
+                    ai, aj = arm_of(ri, overlap), arm_of(rj, overlap)
+                    m = vec4()
+                    if wp.static(friction):
+                        m = memory_of(lists, k)
                     p = open_row(rows, found, i, j, k, n, overlap, v, wi, wj, ai, aj, m, c, h, grown)
                     found += 1
                     largest = wp.max(largest, overlap)
                     turn = wp.cross(n, p)
                     ui = after(ui, p, turn, ai)
                     set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
-            if kept == 0:
-                if memory_of(lists, k)[3] != real(0.0):
+            if wp.static(friction):
+                if kept == 0 and memory_of(lists, k)[3] != real(0.0):
                     set_memory(lists.memory, k, vec4())
         if current >= 0:
             set_change(rows, current, ui)
@@ -214,7 +218,8 @@ def opening_functions(o: CompliantOptions) -> Any:
             slot = (j - n_small) * total + i
             ki, kj = kin(b, i), kin(b, j)
             d = separation(b, ki, kj)
-            sum = ki[6] + kj[6]
+            ri, rj = radius(b, ki), radius(b, kj)
+            sum = ri + rj
             inside = sum * sum - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
             e = vec3(real(d[0]), real(d[1]), real(d[2]))
             r = wp.length(e)
@@ -223,21 +228,24 @@ def opening_functions(o: CompliantOptions) -> Any:
             if r > real(0.0):
                 n = e * (real(1.0) / r)
             v = vec3(real(d[3]), real(d[4]), real(d[5]))
-            memory = vec4(lists.big_memory[slot])
+            memory, wi, wj = vec4(), vec3(), vec3()
+            if wp.static(friction):
+                memory = lists.big_memory[slot]
+                si, sj = spin(b, i), spin(b, j)
+                wi, wj = vec3(si[0], si[1], si[2]), vec3(sj[0], sj[1], sj[2])
             if overlap + real(0.5) * h * wp.abs(wp.dot(v, n)) > real(0.0):
                 c = of_pair(b, i, j, table, columns)
                 rows.c[found - common] = c
-                si, sj = spin(b, i), spin(b, j)
-                wi, wj = vec3(si[0], si[1], si[2]), vec3(sj[0], sj[1], sj[2])
-                ai, aj = arm_of(ki[6], overlap), arm_of(kj[6], overlap)
+                ai, aj = arm_of(ri, overlap), arm_of(rj, overlap)
                 p = open_row(rows, found, i, j, slot, n, overlap, v, wi, wj, ai, aj, memory, c, h, grown)
                 found += 1
                 largest = wp.max(largest, overlap)
                 turn = wp.cross(n, p)
                 set_change(rows, i, after(change_of(rows, i), p, turn, ai))
                 set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
-            elif memory[3] != real(0.0):
-                lists.big_memory[slot] = vec4()
+            elif wp.static(friction):
+                if memory[3] != real(0.0):
+                    lists.big_memory[slot] = vec4()
         return found, largest
 
     @wp.func
@@ -263,16 +271,20 @@ def opening_functions(o: CompliantOptions) -> Any:
             k = kin(b, i)
             x = wp.vec3d(k[0], k[1], k[2])
             distance, normal = distance_of(features, f, 0, x)
-            overlap = real(k[6] - distance)
+            radius_i = radius(b, k)
+            overlap = real(radius_i - distance)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
             dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, 0, x)
             v = vec3(real(dv[0]), real(dv[1]), real(dv[2]))
-            memory = vec4(lists.wall_memory[q])
+            memory, w = vec4(), vec3()
+            if wp.static(friction):
+                memory = lists.wall_memory[q]
+                s = spin(b, i)
+                w = vec3(s[0], s[1], s[2])
             if overlap + real(0.5) * h * (wp.abs(wp.dot(v, n)) + fall) > real(0.0):
                 c = of_wall(b, i, features.features[f].kind, table, columns)
                 rows.c[found - common] = c
-                s = spin(b, i)
-                ai = arm_of(k[6], overlap)
+                ai = arm_of(radius_i, overlap)
                 p = open_row(
                     rows,
                     found,
@@ -282,7 +294,7 @@ def opening_functions(o: CompliantOptions) -> Any:
                     n,
                     overlap,
                     v,
-                    vec3(s[0], s[1], s[2]),
+                    w,
                     vec3(),
                     ai,
                     real(0.0),
@@ -293,8 +305,9 @@ def opening_functions(o: CompliantOptions) -> Any:
                 )
                 found += 1
                 set_change(rows, i, after(change_of(rows, i), p, wp.cross(n, p), ai))
-            elif memory[3] != real(0.0):
-                lists.wall_memory[q] = vec4()
+            elif wp.static(friction):
+                if memory[3] != real(0.0):
+                    lists.wall_memory[q] = vec4()
         return found
 
     return SimpleNamespace(pairs=pairs, bigs=bigs, walls=walls)

@@ -27,6 +27,8 @@ class CompliantOptions:
         walls: What of the walls is needed.
         bigs: Whether there are large bodies.
         periodic: Whether some axis of the domain is periodic.
+        rotation: Whether bodies have spins.
+        radii: Whether bodies have different radii.
     """
 
     law: LawOptions = field(default_factory=LawOptions)
@@ -35,6 +37,8 @@ class CompliantOptions:
     walls: WallOptions = field(default_factory=WallOptions)
     bigs: bool = False
     periodic: bool = False
+    rotation: bool = True
+    radii: bool = True
 
     @property
     def shared(self) -> bool:
@@ -75,7 +79,7 @@ def compliant_types(precision: str) -> Any:
 
 
 @cache
-def compliant_access(precision: str) -> Any:
+def compliant_access(precision: str, rotation: bool) -> Any:
     """Direct access to the arrays of the rows, as Warp functions; see `sync.row_functions` for the reason."""
     t = types(precision)
     vec4, vec8, Bodies, Lists = t.vec4, t.vec8, t.Bodies, t.Lists
@@ -118,7 +122,9 @@ def compliant_access(precision: str) -> Any:
     def ask_change(rows: Rows, i: int): ...
 
     @wp.func_native(
-        "__builtin_prefetch(&b.kin.data[i]);__builtin_prefetch(&b.spin.data[i]);__builtin_prefetch(&rows.u.data[i], 1);"
+        "__builtin_prefetch(&b.kin.data[i]);"
+        + ("__builtin_prefetch(&b.spin.data[i]);" if rotation else "")
+        + "__builtin_prefetch(&rows.u.data[i], 1);"
     )
     def ask_body(b: Bodies, rows: Rows, i: int): ...
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.contacts import load_functions
 from dembench.solver.impulse.compliant_opening import opening_functions
 from dembench.solver.impulse.compliant_rows import (
     CompliantOptions,
@@ -18,7 +19,7 @@ from dembench.solver.pairs import pair_lookup
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, ROW_OVERFLOW
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
-from dembench.solver.walls.loads import load_functions
+from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
@@ -49,30 +50,34 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     real, vec4, vec8 = t.real, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows = compliant_types(o.law.precision)
-    native = compliant_access(o.law.precision)
+    native = compliant_access(o.law.precision, o.rotation)
     kin, change_of, set_change = native.kin, native.change_of, native.set_change
     opening, stiffness, sweep = opening_functions(o), stiffness_functions(o), sweep_function(o)
     open_pairs, open_bigs, open_walls = opening.pairs, opening.bigs, opening.walls
     stiff_pairs, stiff_bigs, stiff_walls = stiffness.pairs, stiffness.bigs, stiffness.walls
     frequency = stiffness.frequency
-    near = near_functions(o.law.precision, o.periodic)
+    near = near_functions(o.law.precision, o.periodic, o.radii, o.law.friction)
     pick_near, pick_big = near.pick_near, near.pick_big
-    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs)
+    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
-    hand_over, of_loads, loads = hand_over_function(o.law.precision, o.walls), load_functions(o.walls), o.walls.loads
+    hand_over = hand_over_function(o.law.precision, o.walls, o.radii)
+    of_loads, loads = wall_load_functions(o.walls), o.walls.loads
+    get_load, rotation = load_functions(o.law.precision, o.rotation).get, o.rotation
     clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     bigs, friction, shared = o.bigs, o.law.friction, o.shared
 
     @wp.func
     def begin(b: Bodies, rows: Rows, i: int, h: real, fall: vec4, driven: int):
         """A body's change of velocity in a substep starts with that by gravity and by forces from outside."""
-        m, g = b.inv_m[i], b.inv_i[i]
         z = real(0.0)
+        m, g = b.inv_m[i], z
+        if wp.static(rotation):
+            g = b.inv_i[i]
         u = vec8(z, z, z, m, z, z, z, g)
         if m > z:
             u = vec8(fall[0], fall[1], fall[2], m, z, z, z, g)
         if driven == 1:
-            f = b.load[i]
+            f = get_load(b, i)
             p, turn = h * m, h * g
             u = u + vec8(p * f[0], p * f[1], p * f[2], z, turn * f[4], turn * f[5], turn * f[6], z)
         set_change(rows, i, u)
@@ -95,8 +100,9 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         if u[3] > z:
             v = v + finer
         b.kin[i] = vec8d(k[0] + half * v[0], k[1] + half * v[1], k[2] + half * v[2], v[0], v[1], v[2], k[6], k[7])
-        if wp.static(friction) or driven == 1:
-            b.spin[i] = b.spin[i] + vec4(u[4], u[5], u[6], z)
+        if wp.static(rotation):
+            if wp.static(friction) or driven == 1:
+                b.spin[i] = b.spin[i] + vec4(u[4], u[5], u[6], z)
         begin(b, rows, i, real(half + half), fall, driven)
         return wp.dot(v, v)
 
@@ -285,7 +291,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     overlap = wp.max(overlap, overlap_big)
                 travel[3] = wp.max(travel[3], wp.float64(overlap))
                 count = wall + 0
-                if wp.static(meshes):
+                if wp.static(meshes and friction):
                     hand_over(b, lists, walls, 0, 0, wall_count[0], wp.float64(0.0))
                 if wp.static(present):
                     count = open_walls(

@@ -15,7 +15,7 @@ from dembench.solver.impulse.compliant_step import (
 )
 from dembench.solver.inspection import Touching
 from dembench.solver.laws import LawOptions
-from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.pairs import PairTables
 from dembench.solver.returns import BIG_OVERFLOW, NOT_FINITE, REBUILD, ROW_OVERFLOW
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
@@ -57,16 +57,18 @@ class CompliantImpulses:
         self.substeps, self.sweeps = substeps or 0, sweeps
         self.driven = False
         self._options = options = CompliantOptions(
-            law=LawOptions.of(scene, precision, midpoint=False),
-            pairs=lookup_mode(scene),
+            law=LawOptions.of(scene, state.needs, precision, midpoint=False),
+            pairs=state.lookup,
             alike=state.alike(),
             walls=state.walls.options,
             bigs=state.big_rows > 0,
             periodic=state.periodic,
+            rotation=state.needs.rotation,
+            radii=state.needs.radii,
         )
         self.kernels = [compliant_kernel(options)]
         self._rows = compliant_types(precision)()
-        self._tables = PairTables(scene, state.units, precision)
+        self._tables = PairTables(scene, state.units, precision, state.lookup)
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
         self._flags = wp.zeros(FLAGS, dtype=wp.int32, device="cpu")
         self._travel = wp.zeros(TRAVEL, dtype=wp.float64, device="cpu")

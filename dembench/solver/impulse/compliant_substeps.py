@@ -16,7 +16,7 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_access
-from dembench.solver.pairs import pair_lookup
+from dembench.solver.pairs import pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
@@ -32,12 +32,13 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     """
     t = types(o.law.precision)
     real, Bodies, PairClass, Lists = t.real, t.Bodies, t.PairClass, t.Lists
-    native = compliant_access(o.law.precision)
+    native = compliant_access(o.law.precision, o.rotation)
     kin, entry = native.kin, native.entry
-    of_pair, of_wall = pair_lookup(o.law.precision, o.pairs)
+    of_pair, of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     separation = image_functions(o.law.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
+    radius = radius_function(o.law.precision, o.radii)
     shared, linear = o.shared, o.law.linear
 
     @wp.func
@@ -70,7 +71,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         found = wp.float64(0.0)
         ki, kj = kin(b, i), kin(b, j)
         d = separation(b, ki, kj)
-        sum = ki[6] + kj[6]
+        sum = radius(b, ki) + radius(b, kj)
         r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
         if r2 < (sum + reach) * (sum + reach):
             r = wp.sqrt(r2)
@@ -142,7 +143,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
             distance, normal = distance_of(features, f, 0, x)
             v = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, 0, x)
             closing = -wp.dot(v, normal)
-            overlap = k[6] - distance
+            overlap = radius(b, k) - distance
             if overlap + wp.max(closing + fall, wp.float64(0.0)) * time > wp.float64(0.0):
                 c = of_wall(b, i, features.features[f].kind, table, columns)
                 largest = wp.max(largest, measure(c, b.inv_m[i], overlap, closing + fall))

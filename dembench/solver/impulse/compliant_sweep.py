@@ -6,7 +6,7 @@ and dashpots c and ct of the law (`laws.py`):
 
     normal      Fn = (U(d0) - U(d1))/(d0 - d1) - c (v0 + v)/2
     tangential  Ft = -s kt (xi0 + xi1)/2 - ct (vt0 + vt)/2,      xi1 = xi0 + s h (vt0 + vt)/2
-    sliding     s |kt xi1| > mu |Fn|: Ft = mu |Fn| along that spring, no dashpot
+    sliding     s |kt xi1| > mu |Fn|: Ft = mu |Fn| along that spring, no dashpot; nothing where mu |Fn| = 0
 
 The elastic force is the mean over the way of the substep, so its work is the change of U: an elastic contact gives back
 what it took, whatever the substep (discrete gradient: Gonzalez 1996, doi 10.1007/BF02440162), and only the dashpots and
@@ -157,7 +157,11 @@ def visit_function(o: CompliantOptions) -> Any:
             end = xi + touching * ahead * (slid + slip + wt * lt)
             stretched = kt * wp.length(end)
             bound = c.mu * wp.abs(force)
-            if stretched > bound:
+            if bound == real(0.0):
+                # also where no spring is stretched any more: a dashpot needs friction, too
+                end = vec3()
+                lt = vec3()
+            elif stretched > bound:
                 end = end * (bound / stretched)
                 lt = end * (-h * kt)
             xi = end - ahead * (slip + wt * lt)
@@ -181,7 +185,7 @@ def sweep_function(o: CompliantOptions) -> Any:
     t = types(o.law.precision)
     real, vec4, vec8, PairClass = t.real, t.vec4, t.vec8, t.PairClass
     Rows = compliant_types(o.law.precision)
-    native = compliant_access(o.law.precision)
+    native = compliant_access(o.law.precision, o.rotation)
     entry, change_of, set_change = native.entry, native.change_of, native.set_change
     geometry_of, impulse_of, set_impulse, set_memory = (
         native.geometry_of,
@@ -191,7 +195,7 @@ def sweep_function(o: CompliantOptions) -> Any:
     )
     ask_change = native.ask_change
     visit, after = visit_function(o), impulse_function(o.law.precision)
-    shared = o.shared
+    shared, friction = o.shared, o.law.friction
 
     @wp.func
     def sweep(
@@ -235,15 +239,16 @@ def sweep_function(o: CompliantOptions) -> Any:
             ui = after(ui, change, turn, a[7])
             set_change(rows, j, after(uj, -change, turn, b[3]))
             set_impulse(rows, r, vec8(b[0], b[1], b[2], b[3], p[0], p[1], p[2], real(0.0)))
-            if last == 1:
-                kept = vec4(xi[0], xi[1], xi[2], touches)
-                slot = entry(rows.slot, r)
-                if r < big:
-                    set_memory(memory, slot, kept)
-                elif r < wall:
-                    set_memory(big_memory, slot, kept)
-                else:
-                    set_memory(wall_memory, slot, kept)
+            if wp.static(friction):
+                if last == 1:
+                    kept = vec4(xi[0], xi[1], xi[2], touches)
+                    slot = entry(rows.slot, r)
+                    if r < big:
+                        set_memory(memory, slot, kept)
+                    elif r < wall:
+                        set_memory(big_memory, slot, kept)
+                    else:
+                        set_memory(wall_memory, slot, kept)
         if current >= 0:
             set_change(rows, current, ui)
 

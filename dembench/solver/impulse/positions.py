@@ -9,6 +9,7 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.impulse.rows import ImpulseOptions, direction_function, row_types
+from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
@@ -25,7 +26,7 @@ def position_sweep(o: ImpulseOptions) -> Any:
     distance_of = wall_functions(o.walls).extended
     nearest = image_functions(o.precision, o.periodic).nearest
     direction = direction_function(o.precision)
-    present = o.walls.present
+    radius, present = radius_function(o.precision, o.radii), o.walls.present
 
     @wp.func
     def shifted(k: vec8d, d: wp.vec3d):
@@ -56,7 +57,7 @@ def position_sweep(o: ImpulseOptions) -> Any:
             if j < total:
                 kj = b.kin[j]
                 d = nearest(b, xi - wp.vec3d(kj[0], kj[1], kj[2]))
-                reach = ki[6] + kj[6]
+                reach = radius(b, ki) + radius(b, kj)
                 r2 = wp.dot(d, d)
                 held = wp.float64(rows.push[r]) * dt
                 if r2 < reach * reach or held > zero:
@@ -74,7 +75,7 @@ def position_sweep(o: ImpulseOptions) -> Any:
                         b.kin[j] = shifted(kj, -wp.float64(b.inv_m[j]) * shift * n)
             elif wp.static(present):
                 distance, normal = distance_of(walls, lists.wall_f[j - total], 0, xi)
-                overlap = ki[6] - distance
+                overlap = radius(b, ki) - distance
                 held = wp.float64(rows.push[r]) * dt
                 largest = wp.max(largest, overlap)
                 if (overlap > slop or held > zero) and mi > zero:

@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.pairs import ONE, pair_lookup
+from dembench.solver.pairs import ONE, pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
@@ -31,6 +31,7 @@ class ImpulseOptions:
         bigs: Whether there are large bodies.
         stabilization: Conjugate gradients carry on where the sweeps end, for matter at rest.
         periodic: Whether some axis of the domain is periodic.
+        radii: Whether bodies have different radii.
     """
 
     precision: str = "float32"
@@ -40,6 +41,7 @@ class ImpulseOptions:
     bigs: bool = False
     stabilization: bool = True
     periodic: bool = False
+    radii: bool = True
 
 
 @cache
@@ -169,7 +171,8 @@ def row_functions(o: ImpulseOptions) -> Any:
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows, Limits = row_types(o.precision), limit_types(o.precision)
-    of_pair, of_wall = pair_lookup(o.precision, o.pairs)
+    of_pair, of_wall = pair_lookup(o.precision, o.pairs, o.radii)
+    radius = radius_function(o.precision, o.radii)
     separation = image_functions(o.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
@@ -232,7 +235,8 @@ def row_functions(o: ImpulseOptions) -> Any:
         count = found
         ki, kj = b.kin[i], b.kin[j]
         d = separation(b, ki, kj)
-        reach = ki[6] + kj[6]
+        ri, rj = radius(b, ki), radius(b, kj)
+        reach = ri + rj
         inside = reach * reach - (d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         e = vec3(real(d[0]), real(d[1]), real(d[2]))
         r = wp.length(e)
@@ -246,7 +250,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         closing = wp.max(wp.max(-vi, vj), wp.max(vj - vi, real(0.0)))
         if gap - closing * dt < limits.margin:
             if count < capacity:
-                put(rows, count, i, j, slot, n, gap, real(ki[6]), real(kj[6]), c, memory, dt, limits)
+                put(rows, count, i, j, slot, n, gap, real(ri), real(rj), c, memory, dt, limits)
             count = count + 1
         return count
 
@@ -317,7 +321,8 @@ def row_functions(o: ImpulseOptions) -> Any:
             x = wp.vec3d(k[0], k[1], k[2])
             distance, normal = distance_of(walls, f, 0, x)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
-            gap = real(distance - k[6])
+            own = radius(b, k)
+            gap = real(distance - own)
             v = velocity_of(walls, f, 0, x)
             approach = real((k[3] - v[0]) * normal[0] + (k[4] - v[1]) * normal[1] + (k[5] - v[2]) * normal[2])
             if gap + wp.min(approach, real(0.0)) * dt < limits.margin:
@@ -334,7 +339,7 @@ def row_functions(o: ImpulseOptions) -> Any:
                         q,
                         n,
                         gap,
-                        real(k[6]),
+                        real(own),
                         z,
                         c,
                         lists.wall_memory[q],

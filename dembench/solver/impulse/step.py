@@ -42,11 +42,12 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     warm_start, sweep, remember = sweep_functions(o)
     collide, close = collide_functions(o)
     push = position_sweep(o)
-    near = near_functions(o.precision, o.periodic)
+    near = near_functions(o.precision, o.periodic, o.radii, True)
     pick_near, pick_big = near.pick_near, near.pick_big
     flows, stabilize = stabilization_functions(o)
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
-    hand_over, of_loads, loads = hand_over_function(o.precision, o.walls), load_functions(o.walls), o.walls.loads
+    hand_over = hand_over_function(o.precision, o.walls, o.radii)
+    of_loads, loads = load_functions(o.walls), o.walls.loads
     clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     bigs, friction, stabilization = o.bigs, o.friction, o.stabilization
 
@@ -61,8 +62,12 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
         b.kin[i] = vec8d(k[0], k[1], k[2], vx, vy, vz, k[6], k[7])
         rows.hit[i] = 0
         rows.x[i] = wp.vec3d(k[0], k[1], k[2])
-        w = b.spin[i]
-        rows.u[i] = vec8(real(vx), real(vy), real(vz), m, w[0], w[1], w[2], b.inv_i[i])
+        z = real(0.0)
+        u = vec8(real(vx), real(vy), real(vz), m, z, z, z, z)
+        if wp.static(friction):
+            w = b.spin[i]
+            u = vec8(real(vx), real(vy), real(vz), m, w[0], w[1], w[2], b.inv_i[i])
+        rows.u[i] = u
         return vx * vx + vy * vy + vz * vz
 
     @wp.func

@@ -15,7 +15,7 @@ from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_types
 from dembench.solver.impulse.stabilization import search_types
 from dembench.solver.impulse.step import impulse_kernel
 from dembench.solver.inspection import Touching
-from dembench.solver.pairs import PairTables, lookup_mode
+from dembench.solver.pairs import PairTables
 from dembench.solver.returns import BIG_OVERFLOW, NOT_FINITE, REBUILD
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
@@ -70,20 +70,20 @@ class Impulses:
         position_sweeps: int,
         stabilization: bool = True,
     ):
-        has = features(scene)
         self.state, self.dt = state, dt / state.units.time
         self._options = ImpulseOptions(
             precision=precision,
-            friction=has.rotation,
-            pairs=lookup_mode(scene),
+            friction=state.needs.friction,
+            pairs=state.lookup,
             walls=state.walls.options,
             bigs=state.big_rows > 0,
-            stabilization=stabilization and has.gravity,
+            stabilization=stabilization and state.needs.present.gravity,
             periodic=state.periodic,
+            radii=state.needs.radii,
         )
         self.kernels = [impulse_kernel(self._options)]
         self._rows, self._search = row_types(precision)(), search_types(precision)()
-        self._tables = PairTables(scene, state.units, precision)
+        self._tables = PairTables(scene, state.units, precision, state.lookup)
         gravity = [g / state.units.acceleration for g in scene.gravity]
         self._gravity = wp.vec3d(*gravity)
         self._fall = math.hypot(*gravity) * self.dt

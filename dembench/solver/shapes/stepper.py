@@ -40,7 +40,7 @@ class _Stepper:
     def __init__(self, scene: Scene, state: State, dt: float):
         self.state, self.dt = state, dt / state.units.time
         self.shapes = ShapeSet(scene, state.units)
-        self._tables = PairTables(scene, state.units, "float64")
+        self._tables = PairTables(scene, state.units, "float64", state.lookup)
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
         self._bodies = state.identity.numpy()[: state.total].copy()
         self._capacity = 256

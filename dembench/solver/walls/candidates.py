@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.pairs import radius_function
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import WallOptions, Walls
@@ -92,16 +93,17 @@ def goes_on_function(o: WallOptions) -> Any:
 
 
 @cache
-def hand_over_function(precision: str, o: WallOptions) -> Any:
+def hand_over_function(precision: str, o: WallOptions, radii: bool) -> Any:
     """A Warp function (bodies, lists, walls, first, base, count, room) for the candidates of a thread.
 
     A body that rolls from one face of a mesh to the next ends one contact and begins another. Where their normals
     differ by a few degrees only, the memory of the one goes over to the other. A gap below `room` is a contact.
+    `radii`: see `pairs.radius_function`.
     """
     t = types(precision)
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
     distance_of = wall_functions(o).distance
-    goes_on = goes_on_function(o)
+    goes_on, radius = goes_on_function(o), radius_function(precision, radii)
 
     @wp.func
     def hand_over(b: Bodies, lists: Lists, walls: Walls, first: int, base: int, count: int, room: wp.float64):
@@ -109,7 +111,7 @@ def hand_over_function(precision: str, o: WallOptions) -> Any:
             f, i = lists.wall_f[q], lists.wall_i[q]
             if f >= walls.plain and lists.wall_memory[q][3] != real(0.0):
                 k = b.kin[i]
-                x, reach = wp.vec3d(k[0], k[1], k[2]), k[6] + room
+                x, reach = wp.vec3d(k[0], k[1], k[2]), radius(b, k) + room
                 distance, normal = distance_of(walls, f, first, x)
                 if distance >= reach:
                     begin = q + 0

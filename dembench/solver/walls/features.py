@@ -13,7 +13,7 @@ import numpy as np
 import warp as wp
 
 from dembench.scene import Box, Cylinder, Frustum, Mesh, Plane, Scene, Sdf
-from dembench.scene import features as scene_features
+from dembench.solver.needs import Needs
 from dembench.solver.units import Units
 from dembench.solver.walls.loads import COLUMNS
 from dembench.solver.walls.mesh import box_grid, mesh_features
@@ -32,20 +32,29 @@ class WallSet:
         motions: The motions of the walls.
     """
 
-    def __init__(self, scene: Scene, units: Units, threads: int = 1, device: Any = "cpu", loads: bool = False):
+    def __init__(
+        self,
+        scene: Scene,
+        units: Units,
+        threads: int = 1,
+        device: Any = "cpu",
+        loads: bool = False,
+        needs: Needs | None = None,
+    ):
+        needs = needs or Needs.of(scene)
         self._units, self._threads, self._device = units, threads, device
         self.motions = Motions(scene)
         self.names = [wall.name for wall in scene.walls]
         features, nodes, meshes = self._features(scene)
         self.count = len(features)
         self.options = WallOptions(
-            present=bool(self.count),
-            curved=bool((features["shape"] == MANTLE).any()),
-            grids=bool((features["shape"] == GRID).any()),
-            meshes=bool(meshes.cells),
-            shapes=bool(meshes.cells) and scene_features(scene).shapes,
-            moving=bool(self.motions.found),
-            timed=self.motions.timed,
+            present=bool(self.count) or needs.forces("walls"),
+            curved=bool((features["shape"] == MANTLE).any()) or needs.forces("curved_walls"),
+            grids=bool((features["shape"] == GRID).any()) or needs.forces("sdf_walls"),
+            meshes=bool(meshes.cells) or needs.forces("mesh_walls"),
+            shapes=bool(meshes.cells) and needs.present.shapes,
+            moving=bool(self.motions.found) or needs.forces("moving_walls"),
+            timed=self.motions.timed or needs.forces("moving_geometry"),
             loads=loads and bool(self.count),
         )
         self.record = record = Walls()
