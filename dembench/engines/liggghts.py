@@ -101,7 +101,7 @@ class LiggghtsSettings(EngineSettings):
     segments: Annotated[int, Field(ge=8)] = 100
     sink_interval: Positive = 5e-3
     checkpoint: Positive = 240.0
-    force: Literal["friction", "rotation"] | None = None
+    force: Literal["friction", "rotation", "friction+rotation"] | None = None
 
     def cores(self) -> int:
         """See `EngineSettings.cores`."""
