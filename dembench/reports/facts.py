@@ -102,7 +102,7 @@ def _contents(scene: Scene) -> Facts:
             or "nothing",
         ),
         ("Features present", words(present.names())),
-        ("Left out", f"{words(present.absent())}; nothing is computed, allocated or written for them"),
+        ("Left out", f"{words(present.absent())}; no kernel, buffer or command of a deck is there for them"),
     ]
 
 

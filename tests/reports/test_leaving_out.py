@@ -27,7 +27,7 @@ def test_features_and_what_is_left_out_are_listed_completely(stand_ins: None, tm
     present = features(scene)
     assert set(present.names()) | set(present.absent()) == set(type(present).model_fields)
     assert words(present.names()) in shown
-    assert f"{words(present.absent())}; nothing is computed, allocated or written for them" in shown
+    assert f"{words(present.absent())}; no kernel, buffer or command of a deck is there for them" in shown
 
 
 def test_only_recorded_series_have_figures(stand_ins: None, tmp_path: Path) -> None:
