@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from dembench.reports import facts, sanity_figures
+from dembench.reports import closed_forms_figures, facts, sanity_figures
 from dembench.reports.cells import state_cell
 from dembench.reports.entries import gather
 from dembench.reports.figures import draw
@@ -20,7 +20,7 @@ from dembench.verification.checks import Suite
 from dembench.verification.rows import MEASURED, UNJUDGED, Row
 
 Figures = Callable[[Sequence[RunRecord], str], list[Plot]]
-FIGURES: dict[str, Figures] = {"sanity": sanity_figures.plots}
+FIGURES: dict[str, Figures] = {"closed-forms": closed_forms_figures.plots, "sanity": sanity_figures.plots}
 """What draws the figures of a suite, from complete runs and the command that reproduces them."""
 
 

@@ -40,7 +40,8 @@ class Kind:
     Attributes:
         young, poisson, density: Material [Pa], [-], [kg/m^3].
         radius: Radius [m].
-        restitution, friction, rolling: Pair law of two of them, and of one with a wall [-].
+        restitution, friction, rolling, tangential: Pair law of two of them, and of one with a wall: coefficients of
+            restitution, of sliding and rolling friction and of tangential restitution [-].
         shape: Shape of bodies that are no spheres; then the radius is that of the shape.
     """
 
@@ -51,6 +52,7 @@ class Kind:
     restitution: float = 1.0
     friction: float = 0.0
     rolling: float = 0.0
+    tangential: float | None = None
     shape: Shape | None = None
 
     @property
@@ -120,8 +122,14 @@ def scene_of(
     given = {frozenset((p.a, p.b)): p for p in between}
     for own, kind in kinds.items():
         for other in (own, WALL):
-            e, mu, roll = kind.restitution, kind.friction, kind.rolling
-            given[frozenset((own, other))] = PairLaw(a=own, b=other, restitution=e, friction=mu, rolling_friction=roll)
+            given[frozenset((own, other))] = PairLaw(
+                a=own,
+                b=other,
+                restitution=kind.restitution,
+                friction=kind.friction,
+                tangential_restitution=kind.tangential,
+                rolling_friction=kind.rolling,
+            )
     for a, b in itertools.combinations(kinds, 2):
         given.setdefault(frozenset((a, b)), PairLaw(a=a, b=b, restitution=1, friction=0))
     if not walls:

@@ -10,6 +10,7 @@ from dembench.results import Result
 from dembench.scene import PairLaw
 from dembench.verification.checks import Check, Experiment, Published, on_one_scene
 from dembench.verification.closed_forms.collisions import SPHERE, Contact, impact
+from dembench.verification.closed_forms.deviations import deviation
 from dembench.verification.closed_forms.head_on import (
     LETTERS,
     elastic_checks,
@@ -185,7 +186,7 @@ def _small(result: Result) -> Mapping[str, float]:
         "CO4e": from_law(oxide, GRAINS, _along),
         "CO4f": from_law(alloy, GRAINS, _along),
         "CO4g": float(np.mean(np.abs(returned(oxide[:gentle]) / PAPER - 1))),
-        "IM1": from_coulomb([*sliding["oxide"], *sliding["alloy"]], GRAINS, "slip"),
+        "IM1a": from_coulomb([*sliding["oxide"], *sliding["alloy"]], GRAINS, "slip"),
         "IM3a": from_coulomb(pairs, GRAINS, "velocity"),
         "IM3b": from_coulomb(pairs, GRAINS, "spin"),
         "IM3c": max(outcome.energy for _, outcome in seen),
@@ -232,14 +233,14 @@ def _large_checks(floor: Mapping[str, Contact]) -> tuple[Check, ...]:
         found += _fastest(f"CO6{letter}", f"CO6{'cd'['ab'.index(letter)]}", contact, name, law)
     for letter, kind in zip("ef", SPINNING, strict=True):
         what = f"{kind.removeprefix('spun_')}, all spins: largest deviation of the velocity, over μ (1 + e) v"
-        found.append(_deviation(f"CO6{letter}", what, 0.034, law, scene_law=True))
+        found.append(deviation(f"CO6{letter}", what, 0.034, law, scene_law=True))
     moment = "angular momentum about the contact"
     anvil = Contact.between(ALLOYS[SPINNING[0]], ALLOYS["anvil"])
     return (
         *found,
-        _deviation("CO6g", f"all spins: largest change of the {moment}", 2e-3, moment),
+        deviation("CO6g", f"all spins: largest change of the {moment}", 2e-3, moment),
         Check("CO7a", "opposite spins: largest lateral speed", "m/s", 0.0, 1e-6, "no slip", scale=ALLOY_SPEED),
-        _deviation("CO7b", "opposite spins: largest change of a spin", 1e-6, "no slip"),
+        deviation("CO7b", "opposite spins: largest change of a spin", 1e-6, "no slip"),
         *(
             Check(
                 f"CO7{k}", f"opposite spins, {name.removeprefix('spun_')}: restitution", "1", 0.5, 3.75e-3, "pair law"
@@ -247,8 +248,8 @@ def _large_checks(floor: Mapping[str, Contact]) -> tuple[Check, ...]:
             for k, name in zip("cd", SPINNING, strict=True)
         ),
         _fastest("CO8a", "", anvil, "aluminium on a sphere of 1 m", law)[0],
-        _deviation("CO8b", "on a sphere of 1 m: largest deviation of the velocity, over μ (1 + e) v", 0.042, law, True),
-        _deviation("CO8c", f"on a sphere of 1 m: largest change of the {moment}", 2e-3, moment),
+        deviation("CO8b", "on a sphere of 1 m: largest deviation of the velocity, over μ (1 + e) v", 0.042, law, True),
+        deviation("CO8c", f"on a sphere of 1 m: largest change of the {moment}", 2e-3, moment),
     )
 
 
@@ -287,12 +288,12 @@ def _small_checks() -> tuple[Check, ...]:
     sliding, all_angles = "40° to 80°: largest deviation of the", "5° to 80°: largest deviation of the"
     return (
         *restitution_checks("CO3", names, 7.5e-3),
-        _deviation("CO4a", f"oxide, {sliding} change of velocity", 0.01, coulomb),
-        _deviation("CO4b", f"aluminium alloy, {sliding} change of velocity", 0.01, coulomb),
-        _deviation("CO4c", f"oxide, {sliding} spin", 0.01, coulomb),
-        _deviation("CO4d", f"aluminium alloy, {sliding} spin", 0.01, coulomb),
-        _deviation("CO4e", f"oxide, {all_angles} tangential restitution", 0.01, law, True),
-        _deviation("CO4f", f"aluminium alloy, {all_angles} tangential restitution", 0.01, law, True),
+        deviation("CO4a", f"oxide, {sliding} change of velocity", 0.01, coulomb),
+        deviation("CO4b", f"aluminium alloy, {sliding} change of velocity", 0.01, coulomb),
+        deviation("CO4c", f"oxide, {sliding} spin", 0.01, coulomb),
+        deviation("CO4d", f"aluminium alloy, {sliding} spin", 0.01, coulomb),
+        deviation("CO4e", f"oxide, {all_angles} tangential restitution", 0.01, law, True),
+        deviation("CO4f", f"aluminium alloy, {all_angles} tangential restitution", 0.01, law, True),
         Check(
             "CO4g",
             "oxide, 5° to 35°: mean deviation of the tangential restitution from the paper",
@@ -305,9 +306,9 @@ def _small_checks() -> tuple[Check, ...]:
             scene_law=True,
             scale=1.0,
         ),
-        _deviation("IM1", "oxide and alloy, sliding: largest deviation of the change of slip", 0.01, WALTON),
-        _deviation("IM3a", "pairs of oxide, sliding: largest deviation of the velocity", 0.01, WALTON),
-        _deviation("IM3b", "pairs of oxide, sliding: largest deviation of the spin", 0.01, WALTON),
+        deviation("IM1a", "oxide and alloy, sliding: largest deviation of the change of slip", 0.01, WALTON),
+        deviation("IM3a", "pairs of oxide, sliding: largest deviation of the velocity", 0.01, WALTON),
+        deviation("IM3b", "pairs of oxide, sliding: largest deviation of the spin", 0.01, WALTON),
         Check(
             "IM3c",
             "largest kinetic energy after a collision over that before",
@@ -322,12 +323,8 @@ def _small_checks() -> tuple[Check, ...]:
 
 def _tiny_checks() -> tuple[Check, ...]:
     return (
-        _deviation("CO5a", "70° to 80°: largest deviation of the change of velocity", 0.015, f"{COULOMB}; {SOURCE}"),
-        _deviation(
+        deviation("CO5a", "70° to 80°: largest deviation of the change of velocity", 0.015, f"{COULOMB}; {SOURCE}"),
+        deviation(
             "CO5b", "5° to 80°: largest deviation of the tangential restitution", 0.015, f"{LAW}; {SOURCE}", True
         ),
     )
-
-
-def _deviation(id: str, title: str, tolerance: float, source: str, scene_law: bool = False) -> Check:
-    return Check(id, title, "1", 0.0, tolerance, source, sense="at most", scene_law=scene_law, scale=1.0)

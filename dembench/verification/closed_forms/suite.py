@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 from dembench.verification.checks import Suite
-from dembench.verification.closed_forms import chung_ooi
+from dembench.verification.closed_forms import (
+    chains,
+    chung_ooi,
+    clusters,
+    inclines,
+    mfix,
+    on_floor,
+    order,
+    tops,
+    walton,
+    wedge,
+)
 
 
 def suite() -> Suite:
@@ -16,5 +27,16 @@ def suite() -> Suite:
         "batteries stand beside them. What belongs to the law of the scene, and not to any law of contact, does not "
         "apply to engines that compute another law. Terminal velocities (MF06) are left out: scenes have no drag.",
         source="Chung & Ooi 2011, doi 10.1007/s10035-011-0277-0; Garg et al. 2012 and the manual of MFiX; Walton 1993",
-        experiments=chung_ooi.experiments(),
+        experiments=(
+            *chung_ooi.experiments(),
+            *mfix.experiments(),
+            walton.experiment(),
+            chains.experiment(),
+            on_floor.experiment(),
+            *inclines.experiments(),
+            wedge.experiment(),
+            *clusters.experiments(),
+            tops.experiment(),
+            *order.experiments(),
+        ),
     )

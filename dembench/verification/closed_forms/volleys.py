@@ -10,6 +10,7 @@ import numpy as np
 from dembench.results import Result
 from dembench.results.schema import SnapshotSeries
 from dembench.scene import PairLaw, Scene
+from dembench.scene.materials import Law
 from dembench.verification.closed_forms.collisions import Contact
 from dembench.verification.scenes import MOTION, Body, Kind, every, floor, scene_of
 
@@ -86,6 +87,7 @@ class Volley:
         shots: The shots, in the order of the bodies.
         time_step, duration: [s].
         between: Pair laws of two kinds that meet.
+        law: Contact law; None takes Hertz-Mindlin.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Volley:
     time_step: float
     duration: float
     between: tuple[PairLaw, ...] = ()
+    law: Law | None = None
 
     def scene(self) -> Scene:
         """The scene; every step is recorded."""
@@ -105,6 +108,7 @@ class Volley:
             times=every(self.time_step, self.duration),
             walls=(floor(),),
             between=self.between,
+            law=self.law,
         )
 
     def seen(self, result: Result) -> list[tuple[Shot, Outcome]]:
