@@ -27,7 +27,8 @@ class Cost:
     """What the repeats of one run took.
 
     Attributes:
-        loop: Median time of the stepping loop [s]; None where no repeat came to its end.
+        loop: Median CPU time of the stepping loop, its wall time where an engine knows no other [s]; None where no
+            repeat came to its end.
         shortest, longest: Of the repeats [s].
         state: Size of the engine's arrays [bytes]; None where the engine does not know it.
         peak: Largest memory of the processes, least of the repeats [bytes].
@@ -165,7 +166,8 @@ def _ended(record: RunRecord) -> bool:
 
 def _cost(records: Sequence[RunRecord]) -> Cost:
     ended = [r.result for r in records if _ended(r) and r.result is not None]
-    loops = [float(r.timing["loop"]) for r in ended if r.timing.get("loop") is not None]
+    spent = [r.timing.get("loop_cpu") or r.timing.get("loop") for r in ended]
+    loops = [float(loop) for loop in spent if loop is not None]
     peaks = [float(r.resources["peak_memory"]) for r in ended if r.resources.get("peak_memory")]
     states = [float(r.counters[BYTES]) for r in ended if BYTES in r.counters]
     return Cost(

@@ -51,8 +51,8 @@ def table(name: str, rows: Sequence[Ablation]) -> Table:
     columns = (
         Column("Engine", kind="long"),
         Column("Forced on", note="a feature that the scene does not need"),
-        Column("Loop time, left out", "s", "number", "median of the repeats"),
-        Column("Loop time, forced", "s", "number", "median of the repeats"),
+        Column("Loop time, left out", "s", "number", "CPU time where it is known; median of the repeats"),
+        Column("Loop time, forced", "s", "number", "CPU time where it is known; median of the repeats"),
         Column("Time", "ratio", "number", "forced over left out"),
         Column("Arrays, left out", "MB", "number"),
         Column("Arrays, forced", "MB", "number"),
@@ -102,9 +102,9 @@ def _results(row: Ablation) -> str:
 
 
 def _summary(engine: str, rows: Sequence[Ablation]) -> str:
-    own = [row for row in rows if row.engine == engine and row.feature]
+    own = [row for row in rows if row.engine == engine and row.equal is not None]
     if not own:
-        return f"{engine}: no feature can be forced."
+        return f"{engine}: nothing to compare."
     equal = sum(row.equal is True for row in own)
     return f"{engine}: {equal} of {len(own)} forced features change no bit."
 
