@@ -53,6 +53,23 @@ def test_all_pairs_touch_and_part_before_the_end():
     assert np.ptp(problems.gaps()) > 0.4 * problems.SPEED * problems.collision(1.0).duration
 
 
+def test_a_ball_that_slides_rolls_at_five_sevenths_of_its_speed():
+    """The lever of a soft ball is R - overlap/2, with an overlap of 0.2 % of R: 5/7 less 2/7 of that, and the way.
+
+    The way is that of the integrated motion: friction until the slip v - w l has gone.
+    """
+    speed, way = problems.rolled()
+    assert speed / problems.SPEEDS == pytest.approx(5 / 7 * (1 - 2 / 7 * problems.SUNK / problems.RADIUS), rel=1e-5)
+    lever, dt = problems.RADIUS - 0.5 * problems.SUNK, 1e-6
+    x = v = w = 0.0
+    v = float(problems.SPEEDS[0])
+    for _ in range(round(problems.SLIDING / dt)):
+        pull = problems.FRICTION * problems.GRAVITY if v > w * lever else 0.0
+        v, w = v - pull * dt, w + pull * lever / (0.4 * problems.RADIUS**2) * dt
+        x += v * dt
+    assert (way[0], speed[0]) == pytest.approx((x, v), rel=1e-4)
+
+
 # ---- knobs and runs
 
 

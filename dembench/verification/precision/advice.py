@@ -149,7 +149,10 @@ def _shipped() -> Path:
 def _row(scene: Scene, sweep: Sweep, one: Cheapest) -> Row:
     if one.point is None:
         return Row(one.variant, one.level, "", None, "", one.limit)
-    return Row(one.variant, one.level, sweep.words(one.value) or "as it is", _step(scene, sweep, one), one.cost(), "")
+    setting = sweep.words(one.value) or "as it is"
+    if one.point.law:
+        setting += f"; another law: {one.point.law}"
+    return Row(one.variant, one.level, setting, _step(scene, sweep, one), one.cost(), "")
 
 
 def _step(scene: Scene, sweep: Sweep, one: Cheapest) -> float | None:

@@ -23,6 +23,9 @@ ROWS, SPEED, YOUNG = 16, 2.0, 1e8
 PAIRS = ROWS**2
 RESTITUTION = 0.5
 BALLS, FLOOR_YOUNG, FRICTION, GRAVITY = 8, 1e7, 0.3, 9.81
+BALL_MASS = DENSITY * 4 / 3 * math.pi * RADIUS**3
+SUNK = (BALL_MASS * GRAVITY / (4 / 3 * FLOOR_YOUNG / (2 * (1 - POISSON**2)) * math.sqrt(RADIUS))) ** (2 / 3)
+"""Overlap of a ball at rest with the floor [m]."""
 SPEEDS = np.linspace(0.15, 0.25, BALLS)
 """Speeds at which the balls begin to slide [m/s]."""
 SLIDING = 0.06
@@ -124,15 +127,16 @@ def _bounced(restitution: float, prefix: str) -> Callable[[Result], Mapping[str,
 
 
 def slide() -> Scene:
-    """Balls that start to slide on a plane, at rest on it but for their speed along x."""
-    mass = DENSITY * 4 / 3 * math.pi * RADIUS**3
-    young = FLOOR_YOUNG / (2 * (1 - POISSON**2))
-    sunk = (mass * GRAVITY / (4 / 3 * young * math.sqrt(RADIUS))) ** (2 / 3)
-    position = [[0, 3 * RADIUS * k, RADIUS - sunk] for k in range(BALLS)]
+    """Balls that start to slide on a plane, at rest on it but for their speed along x.
+
+    Without dashpots: that of the reference law is not bounded by friction before the shear spring has grown to the
+    bound, and takes 0.5 % of the speed within the first 10 us.
+    """
+    position = [[0, 3 * RADIUS * k, RADIUS - SUNK] for k in range(BALLS)]
     return Scene(
         name="sliding_ball",
         materials=(Material(name="glass", density=DENSITY, young=FLOOR_YOUNG, poisson=POISSON),),
-        pair_laws=(PairLaw(a="glass", b="glass", restitution=RESTITUTION, friction=FRICTION),),
+        pair_laws=(PairLaw(a="glass", b="glass", restitution=1, friction=FRICTION),),
         species=(Species(name="ball", material="glass", radius=RADIUS),),
         walls=(Plane(name="floor", material="glass", point=(0, 0, 0), normal=(0, 0, 1)),),
         bodies=Bodies(position=position, velocity=[[v, 0, 0] for v in SPEEDS]),
@@ -140,17 +144,29 @@ def slide() -> Scene:
         gravity=(0, 0, -GRAVITY),
         duration=SLIDING,
         time_step=2e-5,
-        observables=(Snapshot(name=END, times=(0.0, SLIDING)),),
+        observables=(Snapshot(name=END, times=(0.0, 0.5 * SLIDING, SLIDING)),),
     )
+
+
+def rolled() -> tuple[np.ndarray, np.ndarray]:
+    """Speeds while rolling [m/s] and ways to the end [m] of the balls by Coulomb's law, shape (BALLS,).
+
+    Friction acts at the lever l = R - overlap/2 of the law: slip ends after v/(mu g (1 + q)), q = m l^2/I,
+    at the speed q/(1 + q) v; 5/7 of it for a rigid ball.
+    """
+    q = 2.5 * (1 - 0.5 * SUNK / RADIUS) ** 2
+    slipping = SPEEDS / (FRICTION * GRAVITY * (1 + q))
+    speed = q / (1 + q) * SPEEDS
+    return speed, (SPEEDS - 0.5 * FRICTION * GRAVITY * slipping) * slipping + speed * (SLIDING - slipping)
 
 
 def _slid(result: Result) -> Mapping[str, float]:
     seen = result.snapshots[END]
-    rolling = 2 * SPEEDS / (7 * FRICTION * GRAVITY)
-    way = 12 * SPEEDS**2 / (49 * FRICTION * GRAVITY) + 5 / 7 * SPEEDS * (SLIDING - rolling)
+    speed, way = rolled()
+    half, end = seen.position[-2:, :, 0]
     return {
-        "slide_speed": _rms(seen.velocity[-1, :, 0] / (5 / 7 * SPEEDS) - 1),
-        "slide_way": _rms(seen.position[-1, :, 0] / way - 1),
+        "slide_speed": _rms((end - half) / (0.5 * SLIDING) / speed - 1),
+        "slide_way": _rms(end / way - 1),
     }
 
 
@@ -166,7 +182,7 @@ def suite() -> Suite:
     """The problems, as experiments that a sweep takes by name."""
     hertz = "Hertz 1882: v after = v before, t = 2.943 d/v with the largest overlap d"
     dashpot = "pair law; Antypov & Elliott 2011, EPL 94, 50004; duration integrated to 1e-10"
-    rolling = "rolling sets in at 5/7 of the speed after 2 v/(7 mu g), for a rigid ball (Coulomb)"
+    rolling = "Coulomb friction at the lever of the law: rolling at 5/7 of the speed after 2 v/(7 mu g), nearly"
 
     def pairs(name: str, title: str, e: float, source: str) -> Experiment:
         checks = (
@@ -176,7 +192,7 @@ def suite() -> Suite:
         return on_one_scene(name, title, lambda: bounce(e, name), _bounced(e, name), checks, "long")
 
     balls = (
-        _deviation("slide_speed", "Speed while rolling, rms deviation of 8 balls", 0.01, rolling),
+        _deviation("slide_speed", "Mean speed while rolling, rms deviation of 8 balls", 0.01, rolling),
         _deviation("slide_way", "Way to the end, rms deviation of 8 balls", 0.01, rolling),
     )
     return Suite(
