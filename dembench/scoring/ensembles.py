@@ -13,6 +13,8 @@ from scipy import integrate, stats
 CONFIDENCE = 0.95
 RESAMPLES = 9999
 """Resamples of a bootstrap interval."""
+RESOLUTION = 1e-9
+"""Spread, as a share of the range of a curve, below which rounding decides: all seeds still fall freely [-]."""
 NEAR = 3.0
 """Distance of two means, in pooled standard deviations, within which a point of a curve counts as equal [-]."""
 SHARE_NEAR = 0.95
@@ -152,6 +154,8 @@ class Distance:
 def distance(test: Ensemble, reference: Ensemble, time: np.ndarray | None = None) -> Distance:
     """Distance of two ensembles of curves, D = ||mean_test - mean_ref|| / ||s_ref|| with the norm L2 over time.
 
+    A spread below `RESOLUTION` of the range counts as that.
+
     Args:
         test, reference: Curves at the same times, shape (k, t), or numbers, shape (k,). The reference has two or more.
         time: Times, shape (t,), which give the weights; None for equal ones.
@@ -163,8 +167,9 @@ def distance(test: Ensemble, reference: Ensemble, time: np.ndarray | None = None
         raise ValueError(f"curves of {test.mean.shape} and {reference.mean.shape} samples cannot be compared")
     if len(reference) < 2:
         raise ValueError("a reference of one seed has no spread to measure a distance in; give two or more")
-    apart, spread = _norm(test.mean - reference.mean, time), _norm(reference.deviation, time)
     span = float(np.ptp(reference.mean)) or float(np.abs(reference.mean).max())
+    apart = _norm(test.mean - reference.mean, time)
+    spread = max(_norm(reference.deviation, time), RESOLUTION * span)
     return Distance(_over(apart, spread), distance_limit(len(test), len(reference)), _over(apart, span))
 
 

@@ -59,6 +59,17 @@ def test_a_planted_distance_is_found_in_units_of_the_spread():
         distance(Ensemble([base]), Ensemble([base]))
 
 
+def test_seeds_that_do_not_scatter_yet_do_not_make_rounding_a_distance():
+    """All seeds fall freely: curves that differ by 1e-13 of their range are not thousands of spreads apart.
+
+    One that is off by 1e-6 is.
+    """
+    base = -4.9 * TIME**2
+    reference = Ensemble([base, base * (1 + 1e-16), base])
+    assert distance(Ensemble([base * (1 + 1e-13)]), reference).value < 1e-3
+    assert distance(Ensemble([base * (1 + 1e-6)]), reference).value > 100
+
+
 def test_time_weighs_the_parts_of_a_curve():
     """A difference that lasts for the first of ten seconds counts by its time, not by its many samples."""
     time = np.concatenate([np.linspace(0, 1, 1001), np.linspace(2, 10, 9)])

@@ -38,8 +38,8 @@ def point(group: Group, trials: int) -> Point:
         trials: Number of scenes that make one sample: the trials of an experiment, else one.
     """
     first = group.runs[0]
-    done, state, detail = complete(group), *_state(group)
-    samples = first_samples(group)
+    done, samples = complete(group), first_samples(group)
+    state, detail = _state(group, seeds=len(samples) if trials == 1 else 0)
     steps = _steps(group, samples)[:trials]
     loop = _loop(done, trials)
     return Point(
@@ -67,10 +67,15 @@ def point(group: Group, trials: int) -> Point:
     )
 
 
-def _state(group: Group) -> tuple[State, str]:
-    """State of a point and why, from those of the first samples of its runs."""
+def _state(group: Group, seeds: int) -> tuple[State, str]:
+    """State of a point and why, from those of the first samples of its runs.
+
+    An ensemble that lacks some seeds, as they were not run, is a smaller ensemble.
+    """
     states = [_of_run(run) for run in group.runs if run.spec.repeat == 1]
     found = min(states, key=lambda s: WORST.index(s[0]))
+    if found[0] == "not run" and seeds:
+        return "ok", f"{seeds} of {len(states)} seeds, the others were not run"
     return cast(State, found[0]), found[1]
 
 
