@@ -22,6 +22,8 @@ KINDS: dict[Class, tuple[str, str]] = {
     "cycle": ("Errors of cycles against run time", "Error"),
 }
 """Title and vertical axis of the diagram of each kind of error."""
+LOST = ("failed", "timeout", "interrupted")
+"""States of points that stand at the top: runs that were started and gave no result."""
 TOP = 3.0
 """Height at which runs without a result stand, over the largest error."""
 SEEDS, REFERENCES = "what the seeds alone make", "how far the references still move"
@@ -79,7 +81,7 @@ def _diagram(
             [
                 f"{sweep.problem.title}; one line per engine through its values of {sweep.knob}, coarse to fine.",
                 "Own limit: distance to the engine's own finest run, which says nothing about the law.",
-                "Triangles at the top: no result." if any(p.state != "ok" for p in sweep.points) else "",
+                "Triangles at the top: no result." if any(p.state in LOST for p in sweep.points) else "",
                 "Dotted line: what no other point beats in both." if front else "",
                 f"Grey band: {_band_words(measures[0])}; nothing is ranked in it." if bands else "",
             ]
@@ -116,7 +118,7 @@ def _panel(sweep: Sweep, measure: Measure, label: str, axis: Axis, *, total: boo
             above = np.array([e.high or 0.0 for e in ends if e is not None]) if bars else None
             lines.append(Line(variant, x, y, colour, style, low=below, high=above))
             shown += zip(x.tolist(), y.tolist(), strict=True)
-        lost = [p for p in points if p.state not in ("ok", "not run", "skipped", "missing")]
+        lost = [p for p in points if p.state in LOST]
         if lost and total:
             places = np.array([_place(p, points, axis, sweep) for p in lost])
             lines.append(Line(f"{variant}: no result", places, np.full(len(lost), TOP * high), colour, 4, points=True))

@@ -26,7 +26,7 @@ def check_references(typed: Sequence[str], groups: Sequence[Group]) -> None:
 
 
 def table(target: Target, knob: str, groups: Sequence[Group], command: str, typed: Sequence[str] = ()) -> Sweep:
-    """The table of a sweep, from what its runs have left.
+    """The table of a sweep, from what its runs have left; measures that no run reaches are left out.
 
     Args:
         target: What it is about.
@@ -69,7 +69,7 @@ def table(target: Target, knob: str, groups: Sequence[Group], command: str, type
         converged=converged,
         horizon=horizon if math.isfinite(horizon) else None,
         notes=_notes(target, points, references, converged),
-        measures=measures,
+        measures=tuple(m for m in measures if any(p.error(m.name) for p in points)),
         points=points,
     )
 
