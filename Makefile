@@ -1,7 +1,8 @@
 # make run     sets everything up, runs case 3 (quick) on three engines, ends with the path of the report
 # make test    sets everything up, runs the tests
 # make verify  sets everything up, runs the suites of known answers, ends with the path of the page
-# make bench   the tests that take minutes: physics on full beds, timings
+# make bench   times the solver's kernels and compares with the baseline
+# make slow    the tests that take minutes: physics on full beds, planted regressions
 # make lint    style and types
 # make clean   removes .venv, caches and builds; runs and reports stay
 
@@ -12,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := test
-.PHONY: run test verify bench lint clean engines browser
+.PHONY: run test verify bench slow lint clean engines browser
 
 run: $(READY) engines
 	@$(BIN)/dembench run case3 --out $(OUT) \
@@ -24,7 +25,12 @@ test: $(READY) engines browser
 verify: $(READY)
 	@$(BIN)/dembench verify --engines peclet --out $(OUT)/verify
 
-bench: $(READY) engines
+bench: $(READY)
+	@mkdir -p $(OUT)
+	$(BIN)/python -m pytest tests/bench/test_kernels.py -m slow --benchmark-json=$(OUT)/kernels.json
+	$(BIN)/dembench check $(OUT)/kernels.json --baseline data/baselines/kernels.json
+
+slow: $(READY) engines
 	$(BIN)/python -m pytest -m slow
 
 lint: $(READY)

@@ -7,7 +7,20 @@ from typing import Annotated
 import typer
 
 from dembench import __version__, console
-from dembench.cli import ablate, data, imports, initial, inspection, new, regression, results, run, sweep, verify
+from dembench.cli import (
+    ablate,
+    data,
+    history,
+    imports,
+    initial,
+    inspection,
+    new,
+    regression,
+    results,
+    run,
+    sweep,
+    verify,
+)
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -25,6 +38,7 @@ for verb in (
     new.new,
     regression.check,
     regression.bless,
+    history.compare,
     sweep.sweep,
     sweep.advise,
     results.report,
@@ -37,6 +51,7 @@ for verb in (
 ):
     app.command()(verb)
 app.command("import")(imports.import_results)
+app.add_typer(history.app, name="history")
 app.add_typer(initial.app, name="initial")
 app.add_typer(data.app, name="data")
 

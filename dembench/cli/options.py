@@ -17,7 +17,7 @@ from dembench.engines.registry import UnknownEngine
 from dembench.initial.beds import BedError
 from dembench.initial.fetch import initial_state
 from dembench.initial.rows import CoordinatesError
-from dembench.regression.metrics import RegressionError
+from dembench.regression import RegressionError
 from dembench.results.foreign import ForeignError
 from dembench.runs.plan import RequestError
 from dembench.scene import SceneError

@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from dembench import console
 from dembench.cli.options import Json, print_json, usage_errors
-from dembench.regression import baseline as baselines
-from dembench.regression import bless as blessings
-from dembench.regression import outputs
-from dembench.regression.baseline import Baseline
-from dembench.regression.gather import gather
-from dembench.regression.verdicts import Verdict, counts, judge
+
+if TYPE_CHECKING:
+    from dembench.regression.verdicts import Verdict
 
 Runs = Annotated[
     list[Path], typer.Argument(metavar="RUNS", help="directories of runs, and JSON files of pytest-benchmark")
@@ -45,6 +42,11 @@ def check(
     A change beyond the tolerance with its whole interval of confidence is a regression; so are a metric that the runs
     do not give and a failed run. Exit code 0: no regression; 1: there is one; 2: a usage error.
     """
+    from dembench.regression import baseline as baselines
+    from dembench.regression import outputs
+    from dembench.regression.gather import gather
+    from dembench.regression.verdicts import judge
+
     with usage_errors():
         found = judge(gather(runs), baselines.load(baseline))
     if junit is not None:
@@ -70,8 +72,12 @@ def bless(
     Tolerances and directions in the file are kept, and so are values that did not change by more than their tolerance.
     Failed runs are refused with exit code 2, and nothing is written.
     """
+    from dembench.regression import baseline as baselines
+    from dembench.regression import bless as blessings
+    from dembench.regression.gather import gather
+
     with usage_errors():
-        before = baselines.load(baseline) if baseline.exists() else Baseline()
+        before = baselines.load(baseline) if baseline.exists() else baselines.Baseline()
         date = datetime.now().astimezone().isoformat(timespec="seconds")
         after = blessings.bless(gather(runs), before, reason, date)
     changes = after.blessings[-1].changes
@@ -87,6 +93,9 @@ def bless(
 
 def _show(verdicts: Sequence[Verdict]) -> None:
     """Every metric that is not ok, and how many there are of each kind."""
+    from dembench.regression import outputs
+    from dembench.regression.verdicts import counts
+
     shown = [v for v in verdicts if v.word != "ok"]
     if shown:
         columns = ("verdict", "metric", "expected", "found", "change", "tolerance")

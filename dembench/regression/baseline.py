@@ -8,7 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
-from dembench.regression.metrics import Key, Kind, RegressionError, Tolerance, Worse
+from dembench.regression import RegressionError
+from dembench.regression.metrics import Key, Kind, Tolerance, Worse
 from dembench.scene.base import Finite, Model, NotNegative
 
 

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from dembench.regression.metrics import SPEED, Key, Metric, RegressionError
+from dembench.regression import RegressionError
+from dembench.regression.metrics import SPEED, Key, Metric
 
 PROBLEM = "benchmarks"
 RATIOS = "ratios"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from dembench.regression import RegressionError
 from dembench.regression.baseline import Baseline, Blessing, Expectation
 from dembench.regression.gather import Gathered
-from dembench.regression.metrics import Key, Metric, RegressionError, margin_text
+from dembench.regression.metrics import Key, Metric, margin_text
 
 
 def bless(found: Gathered, before: Baseline, reason: str, date: str) -> Baseline:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, PlainSerializer
 
-from dembench.regression import intervals
+from dembench.regression import RegressionError, intervals
 from dembench.regression.intervals import Kind
 from dembench.scoring.ensembles import Margin
 from dembench.verification.checks import Check
@@ -22,10 +22,6 @@ QUANTITY = Margin(0.01)
 """Change of a quantity of a case that does not matter; where it scatters over seeds, the interval is added to it."""
 SHARE_OF_CHECK = 0.25
 """Change of a checked value that does not matter, as a share of the tolerance of the check."""
-
-
-class RegressionError(ValueError):
-    """Runs, a baseline or a history that cannot be used; the message says what would be accepted."""
 
 
 class Key(NamedTuple):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
+from dembench.regression.compare import Comparison
+from dembench.regression.metrics import margin_text
 from dembench.regression.verdicts import Verdict, counts
 from dembench.scoring.ensembles import Interval
 
@@ -75,6 +78,18 @@ def row(v: Verdict) -> tuple[str, ...]:
     metric = f"{v.key}: {v.title}" + (f" ({v.detail})" if v.detail else "")
     expected = f"{v.expected.value:.6g}{unit}" if v.expected else ""
     return (v.word, metric, expected, "" if found is None else f"{found:.6g}{unit}", text, tolerance)
+
+
+def comparison_row(c: Comparison) -> tuple[str, ...]:
+    """A comparison as words: verdict, metric, A, B, difference with its interval, margin."""
+    unit = "" if c.first.unit == "1" else f" {c.first.unit}"
+    numbers = tuple(
+        f"{m.value:.6g}{unit}" + (f" ({len(m.values)} values)" if len(m.values) > 1 else "")
+        for m in (c.first, c.second)
+    )
+    known = math.isfinite(c.change.low + c.change.high)
+    ends = f" [{c.change.low:+.3g}, {c.change.high:+.3g}]" if known else ", interval not known"
+    return (c.word, f"{c.key}: {c.first.title}", *numbers, f"{c.change.value:+.3g}{ends}{unit}", margin_text(c.margin))
 
 
 def sentence(v: Verdict) -> str:

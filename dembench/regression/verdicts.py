@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from dembench.regression.baseline import Baseline, Expectation
-from dembench.regression.gather import Gathered, engine_of, problem_of
+from dembench.regression.gather import Gathered
 from dembench.regression.intervals import Estimate, difference
 from dembench.regression.metrics import Key, Metric
+from dembench.regression.records import engine_of, problem_of
 from dembench.scoring.ensembles import Interval
 
 Word = Literal["ok", "improvement", "undecided", "new", "regression", "missing", "failed"]
@@ -27,8 +28,9 @@ class Verdict:
         key: What the metric is of.
         title, unit: Of the metric.
         word: `regression`: the whole interval of the change is beyond the tolerance, or what was accepted no longer is.
-            `undecided`: the change is beyond the tolerance, a part of its interval is not. `improvement`: beyond it for
-            the better. `missing`: the runs do not give it. `failed`: a run without result. `new`: nothing is expected.
+            `undecided`: the change is beyond the tolerance, a part of its interval is not. `improvement`: all of it is
+            beyond for the better. `missing`: the runs do not give it. `failed`: a run without result. `new`: nothing is
+            expected.
         metric: What the runs gave; None where nothing.
         expected: What the baseline expects; None where nothing.
         change: Found minus expected with its interval, in `unit`; None where one is not known.
@@ -125,13 +127,16 @@ def _word(metric: Metric, expected: Expectation, change: Interval, margin: float
         return "improvement", "it was outside what is accepted and is inside now"
     if abs(change.value) <= margin:
         return "ok", ""
+    if expected.tolerance.relative and not margin:
+        return "undecided", f"a share of 0 says nothing; give a tolerance in {expected.unit} in the baseline"
     higher = change.value > 0
     worse = expected.worse == "either" or (expected.worse == "higher") == higher
-    if worse and expected.target is not None and _nearer(metric.value, expected) > margin:
+    if worse and metric.kind == "check" and expected.target is not None and _nearer(metric.value, expected) > margin:
         return "improvement", "nearer to the exact value"
+    beyond = change.low > margin if higher else change.high < -margin
     if not worse:
-        return "improvement", ""
-    if (change.low > margin) if higher else (change.high < -margin):
+        return ("improvement" if beyond else "ok"), ""
+    if beyond:
         return "regression", ""
     if not math.isfinite(change.low):
         return "undecided", "a single time may be disturbed; repeat it"

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from making import DATE, blessed, gathered, metric, speed
 
+from dembench.regression import RegressionError
 from dembench.regression.baseline import Baseline, load, save
 from dembench.regression.bless import bless
-from dembench.regression.metrics import Key, RegressionError, parse_margin
+from dembench.regression.metrics import Key, parse_margin
 from dembench.runs.directory import RunRecord
 from dembench.runs.spec import RunSpec
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from making import blessed, gathered, metric, speed
 
+from dembench.regression import RegressionError
 from dembench.regression.intervals import Estimate, difference, rank, spread
-from dembench.regression.metrics import Metric, RegressionError, margin_text, parse_margin
+from dembench.regression.metrics import Metric, margin_text, parse_margin
 from dembench.regression.verdicts import Verdict, judge
 from dembench.scoring.ensembles import Margin
 
@@ -36,8 +37,8 @@ def test_the_direction_tells_a_regression_from_an_improvement(worse: str, higher
 
 
 def test_nearer_to_the_exact_value_is_an_improvement_and_as_far_on_the_other_side_is_not() -> None:
-    old = metric("restitution", 0.49, target=0.5, margin=Margin(0.001, relative=False))
-    assert word(metric("restitution", 0.499), old) == "improvement"
+    old = metric("restitution", 0.49, kind="check", target=0.5, margin=Margin(0.001, relative=False))
+    assert word(metric("restitution", 0.499, kind="check"), old) == "improvement"
     assert word(metric("restitution", 0.51), old) == "regression"
     assert word(metric("restitution", 0.48), old) == "regression"
 
