@@ -84,10 +84,10 @@ def bless(
     if changes:
         baselines.save(after, baseline)
     if json_:
-        print_json({"baseline": str(baseline), "changes": changes})
+        print_json({"baseline": str(baseline), "changes": [c.model_dump(mode="json") for c in changes]})
         return
-    for text in changes:
-        console.line(text)
+    for change in changes:
+        console.line(change.text())
     console.line(f"{baseline}: {blessings.summary(changes)}")
 
 

@@ -51,6 +51,46 @@ class Expectation(Model):
         return Key(self.problem, self.engine, self.name, self.processor)
 
 
+class Change(Model):
+    """What a blessing did to one metric.
+
+    Attributes:
+        problem, engine, name, processor: See `dembench.regression.metrics.Key`.
+        unit: Of the metric.
+        before, after: Expected values; null where it was added or removed.
+        state: State after it; empty where it was removed.
+    """
+
+    problem: str
+    engine: str = ""
+    name: str
+    processor: str = ""
+    unit: str
+    before: Finite | None = None
+    after: Finite | None = None
+    state: Literal["ok", "inaccurate", ""] = "ok"
+
+    @property
+    def key(self) -> Key:
+        """What the metric is of."""
+        return Key(self.problem, self.engine, self.name, self.processor)
+
+    @property
+    def word(self) -> Literal["added", "removed", "changed"]:
+        """What was done."""
+        return "added" if self.before is None else "removed" if self.after is None else "changed"
+
+    def text(self) -> str:
+        """The change in one line."""
+        before, after = (None if value is None else f"{value:.6g}" for value in (self.before, self.after))
+        values = " -> ".join(text for text in (before, after) if text is not None)
+        share = ""
+        if self.before and self.after is not None:
+            share = f" ({100 * (self.after / self.before - 1):+.2g}%)"
+        state = ", inaccurate" if self.state == "inaccurate" else ""
+        return f"{self.word} {self.key}: {values} {self.unit}{share}{state}"
+
+
 class Blessing(Model):
     """One change of a baseline.
 
@@ -59,14 +99,14 @@ class Blessing(Model):
         reason: Why the values are right, in the words of who blessed them.
         versions: Versions of dembench, of its commit, of the engines and of the packages that matter.
         processor: Processor of the runs.
-        changes: One line for each metric that was added, changed or removed.
+        changes: The metrics that were added, changed or removed.
     """
 
     date: str
     reason: str
     versions: dict[str, str] = {}
     processor: str = ""
-    changes: tuple[str, ...] = ()
+    changes: tuple[Change, ...] = ()
 
 
 class Baseline(Model):

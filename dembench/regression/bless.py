@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dembench.regression import RegressionError
-from dembench.regression.baseline import Baseline, Blessing, Expectation
+from dembench.regression.baseline import Baseline, Blessing, Change, Expectation
 from dembench.regression.gather import Gathered
-from dembench.regression.metrics import Key, Metric, margin_text
+from dembench.regression.metrics import Key, Metric
 
 
 def bless(found: Gathered, before: Baseline, reason: str, date: str) -> Baseline:
@@ -52,26 +52,18 @@ def bless(found: Gathered, before: Baseline, reason: str, date: str) -> Baseline
     return Baseline(metrics=metrics, blessings=(*before.blessings, blessing))
 
 
-def changes_of(before: dict[Key, Expectation], after: dict[Key, Expectation]) -> list[str]:
-    """One line for each metric that is added, changed or removed."""
-    return [
-        text
-        for key in sorted({**before, **after})
-        if (text := _change(key, before.get(key), after.get(key))) is not None
-    ]
-
-
-def _change(key: Key, before: Expectation | None, after: Expectation | None) -> str | None:
-    if before is None and after is not None:
-        return f"added {key}: {after.value:.6g} {after.unit} within {margin_text(after.tolerance)}"
-    if before is not None and after is None:
-        return f"removed {key}: {before.value:.6g} {before.unit}"
-    assert before is not None and after is not None
-    if (before.value, before.state) == (after.value, after.state):
-        return None
-    state = "" if before.state == after.state else f", {before.state} -> {after.state}"
-    share = f" ({100 * (after.value / before.value - 1):+.2g}%)" if before.value else ""
-    return f"changed {key}: {before.value:.6g} -> {after.value:.6g} {after.unit}{share}{state}"
+def changes_of(before: dict[Key, Expectation], after: dict[Key, Expectation]) -> list[Change]:
+    """The metrics that are added, changed or removed."""
+    found = []
+    for key in sorted({**before, **after}):
+        old, new = before.get(key), after.get(key)
+        if old is not None and new is not None and (old.value, old.state) == (new.value, new.state):
+            continue
+        shown = new or old
+        assert shown is not None
+        values = {"before": old.value if old else None, "after": new.value if new else None}
+        found.append(Change(**key._asdict(), unit=shown.unit, **values, state=new.state if new else ""))
+    return found
 
 
 def _expected(metric: Metric, before: Expectation | None, number: int) -> Expectation:
@@ -95,7 +87,7 @@ def _expected(metric: Metric, before: Expectation | None, number: int) -> Expect
     )
 
 
-def summary(changes: Sequence[str]) -> str:
+def summary(changes: Sequence[Change]) -> str:
     """How many metrics were added, changed and removed."""
-    numbers = {word: sum(line.startswith(word) for line in changes) for word in ("added", "changed", "removed")}
+    numbers = {word: sum(change.word == word for change in changes) for word in ("added", "changed", "removed")}
     return ", ".join(f"{n} {word}" for word, n in numbers.items() if n) or "nothing changed"

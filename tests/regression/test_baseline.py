@@ -28,8 +28,8 @@ def test_a_blessing_shows_what_it_changes_and_keeps_the_reasons() -> None:
     found = gathered(metric("depth", 1.5), metric("period", 2.001), metric("count", 7.0))
     second = bless(found, first, "another law", DATE)
     assert [b.reason for b in second.blessings] == ["first values", "another law"]
-    assert [line.split(" ")[0] for line in second.blessings[1].changes] == ["added", "changed", "removed"]
-    assert "1 -> 1.5 m (+50%)" in second.blessings[1].changes[1]
+    assert [change.word for change in second.blessings[1].changes] == ["added", "changed", "removed"]
+    assert "1 -> 1.5 m (+50%)" in second.blessings[1].changes[1].text()
     by_name = {e.name: e for e in second.metrics}
     assert by_name["depth"].value == 1.5 and by_name["depth"].blessing == 1
     assert by_name["period"].value == 2.0, "what changes by less than the tolerance does not drift"
