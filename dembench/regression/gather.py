@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -81,10 +80,9 @@ def _identity(record: RunRecord) -> tuple[Any, ...]:
     return (problem_of(record), engine_of(record), record.spec.seed, record.spec.repeat)
 
 
-@cache
-def _experiments() -> tuple[tuple[str, Experiment], ...]:
+def _experiments() -> list[tuple[str, Experiment]]:
     """All experiments with the names of their suites."""
-    return tuple((name, e) for name in suites.names() for e in suites.suite(name).experiments)
+    return [(name, e) for name in suites.names() for e in suites.suite(name).experiments]
 
 
 def _of_suites(records: Sequence[RunRecord]) -> list[Metric]:

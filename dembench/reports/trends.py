@@ -24,7 +24,7 @@ from dembench.reports.units import labelled, shown_in
 DRAWN = 12
 """Most metrics of one engine on one problem that are drawn: those that moved most."""
 NAMED = 8
-"""Most sets of runs whose commits stand at the axis."""
+"""Most sets of runs whose dates stand at the axis."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def render(entries: Sequence[Entry], baseline: Baseline | None, output: Path) ->
     groups: dict[tuple[str, str], list[Trend]] = {}
     for trend in trends:
         groups.setdefault((trend.key.problem, trend.key.engine), []).append(trend)
-    names = tuple(_set_name(first_of[mark]) for mark in sets)
+    names = tuple(first_of[mark].date[5:10] for mark in sets)
     plots = [
         plot
         for k, ((problem, engine), own) in enumerate(groups.items())
@@ -101,6 +101,7 @@ def render(entries: Sequence[Entry], baseline: Baseline | None, output: Path) ->
         summary=f"{len(trends)} metrics of {len(sets)} sets of runs, {span}.",
         drawings=drawings,
         table=_table(trends),
+        sets=_sets(sets, entries),
         blessings=_blessings(baseline),
         command=command,
     )
@@ -125,10 +126,6 @@ def _trends(
     ]
 
 
-def _set_name(entry: Entry) -> str:
-    return f"{entry.commit.removesuffix(' with changes')[:7]}\n{entry.date[5:10]}"
-
-
 def _colour(engine: str) -> str:
     return look(engine.partition("[")[0].partition(",")[0]).colour if engine else INK
 
@@ -146,17 +143,15 @@ def _plot(
         return None
     shown = moved[:DRAWN]
     still, more = len(trends) - len(moved), len(moved) - len(shown)
-    caption = "Bars and bands of values are their scatter; the grey band is what was blessed, with its tolerance."
-    caption += f" {still} metrics did not move and are in the table only." if still else ""
-    caption += f" {more} that moved less are in the table only." if more else ""
+    caption = "Bars are the scatter of seeds or repeats; the grey band is what was blessed, with its tolerance."
+    caption += f" What did not move is in the table only ({still})." if still else ""
+    caption += f" So is what moved less ({more})." if more else ""
     few = len(names) <= NAMED
     return Plot(
         name=name,
         title=f"{problem}: {engine}" if engine else problem.capitalize(),
         caption=caption,
-        x_label="Set of runs"
-        if few
-        else f"Set of runs (0: {names[0]}; {len(names) - 1}: {names[-1]})".replace("\n", " "),
+        x_label="Set of runs" if few else f"Set of runs, from {names[0]} to {names[-1]}",
         panels=tuple(_panel(trend, len(names), _colour(engine)) for trend in shown),
         command=command,
         x_names=names if few else (),
@@ -184,7 +179,7 @@ def _panel(trend: Trend, sets: int, colour: str) -> Panel:
         (line,),
         _known(trend, sets, factor),
         log_y=False,
-        title=_short(last.title if last.name == "speed" else f"{last.name}: {last.title}"),
+        title=_short(f"{last.name}: {last.title}" if last.kind == "check" else last.title),
     )
 
 
@@ -248,6 +243,22 @@ def _row(trend: Trend) -> tuple[Cell, ...]:
 
 def _number(value: float, unit: str) -> Cell:
     return Cell(significant(value, 5) + unit, float(f"{value:.10g}"))
+
+
+def _sets(sets: Sequence[str], entries: Sequence[Entry]) -> Table:
+    columns = (
+        Column("Set", kind="number", note="number at the horizontal axis"),
+        Column("Date"),
+        Column("Commit"),
+        Column("Metrics", kind="number"),
+        Column("Hash", note="of the runs and when they were made"),
+    )
+    rows = []
+    for k, mark in enumerate(sets):
+        own = [entry for entry in entries if entry.hash == mark]
+        date = own[0].date[:16].replace("T", " ")
+        rows.append((Cell(str(k), k), Cell(date), Cell(own[0].commit), Cell(str(len(own)), len(own)), Cell(mark)))
+    return Table("sets", "Sets of runs", columns, tuple(rows))
 
 
 def _blessings(baseline: Baseline | None) -> Table | None:

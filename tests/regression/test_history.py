@@ -72,7 +72,7 @@ def test_the_page_shows_what_moved_and_what_was_blessed(tmp_path: Path) -> None:
     baseline = a_history(tmp_path)
     page = render(read(tmp_path), baseline, tmp_path / "trends.html").read_text()
     assert "3 metrics of 8 sets of runs, 2026-03-01 to 2026-03-08" in page
-    assert "walls turn with the drum" in page and "1 metrics did not move" in page
+    assert "walls turn with the drum" in page and "What did not move is in the table only (1)" in page
     data = re.findall(r'<script type="application/json">(.*?)</script>', page)
     assert len(data) == 1 and data[0].count('"measured') == 2, "the depth that never moved is not drawn"
 

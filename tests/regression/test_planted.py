@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 from dembench.cli import app
 from dembench.engines import registry
 from dembench.engines.in_tree import InTree
-from dembench.regression import gather
 from dembench.verification import suites
 
 ENGINES = "peclet[rows=compliant],peclet-hertz"
@@ -27,11 +26,9 @@ pytestmark = pytest.mark.slow
 def planted_suite(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The suite of the planted faults beside the others."""
     monkeypatch.setattr(suites, "BUILT_IN", {"planted": "planting:suite"})
-    for cached in (suites.suite, gather._experiments):
-        cached.cache_clear()
+    suites.suite.cache_clear()
     yield
-    for cached in (suites.suite, gather._experiments):
-        cached.cache_clear()
+    suites.suite.cache_clear()
 
 
 def called(*words: str) -> tuple[int, Any]:
