@@ -18,7 +18,11 @@ _SHOWN = 50
 
 
 def write(text: str, path: Path) -> None:
-    """Writes a file, whole or not at all."""
+    """Writes a file, whole or not at all; what is no plain file, such as /dev/stdout, is written to and stays."""
+    if path.is_symlink() or (path.exists() and not path.is_file()):
+        with open(path, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        return
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     temporary.write_text(text, encoding="utf-8")
@@ -70,8 +74,9 @@ def row(v: Verdict) -> tuple[str, ...]:
     unit = "" if v.unit == "1" else f" {v.unit}"
     found = v.metric.value if v.metric and v.metric.values else None
     change = v.change
-    if (share := v.relative()) is not None:
-        text, tolerance = _percent(share), f"{100 * v.margin / abs(v.expected.value):.2g}%" if v.expected else ""
+    share, size = v.relative(), abs(v.expected.value) if v.expected else 0.0
+    if share is not None and v.margin < size:  # a share of what is nearly 0 says nothing
+        text, tolerance = _percent(share), f"{100 * v.margin / size:.2g}%"
     else:
         text = "" if change is None else f"{change.value:+.3g} [{change.low:+.3g}, {change.high:+.3g}]{unit}"
         tolerance = f"{v.margin:.2g}{unit}" if v.margin == v.margin else ""

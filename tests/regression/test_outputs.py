@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 from making import blessed, gathered, metric, speed
 
-from dembench.regression.outputs import junit, markdown, sentence
+from dembench.regression.outputs import junit, markdown, sentence, write
 from dembench.regression.verdicts import Verdict, counts, judge
 
 
@@ -45,6 +46,13 @@ def test_markdown_keeps_its_columns(verdicts: list[Verdict]) -> None:
     assert {line.replace("\\|", "").count("|") for line in rows} == {7}
     assert "a \\| b &lt;c>" in markdown(verdicts, "")
     assert "1 regression, 1 missing, 1 undecided, 1 ok" in lines
+
+
+def test_what_is_no_plain_file_is_written_to_and_stays(tmp_path: Path) -> None:
+    target, link = tmp_path / "target.md", tmp_path / "link.md"
+    link.symlink_to(target)
+    write("text", link)
+    assert link.is_symlink() and target.read_text() == "text"
 
 
 def test_many_metrics_that_are_ok_are_counted() -> None:
