@@ -99,6 +99,7 @@ class Blessing(Model):
         reason: Why the values are right, in the words of who blessed them.
         versions: Versions of dembench, of its commit, of the engines and of the packages that matter.
         processor: Processor of the runs.
+        runs: Digest of the set of runs, as in a history.
         changes: The metrics that were added, changed or removed.
     """
 
@@ -106,6 +107,7 @@ class Blessing(Model):
     reason: str
     versions: dict[str, str] = {}
     processor: str = ""
+    runs: str = ""
     changes: tuple[Change, ...] = ()
 
 

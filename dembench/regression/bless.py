@@ -46,6 +46,7 @@ def bless(found: Gathered, before: Baseline, reason: str, date: str) -> Baseline
         reason=reason.strip(),
         versions=found.versions or {},
         processor=found.processor,
+        runs=found.digest(),
         changes=tuple(changes),
     )
     metrics = tuple(expected for _, expected in sorted((made | kept).items()))

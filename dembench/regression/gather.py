@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,6 +42,12 @@ class Gathered:
         dead = {trial.name for _, e in _experiments() if e.deaths_count for trial in e.trials}
         accepted = (*MEASURED, "skipped")
         return [r for r in self.runs if r.status.state not in accepted and r.spec.case not in dead]
+
+    def digest(self) -> str:
+        """What tells one set of runs from another: the runs with when they were made, and the values."""
+        runs = [f"{record.spec.digest()} {record.status.started}" for record in self.runs]
+        values = [f"{metric.key} {metric.values}" for metric in self.metrics]
+        return hashlib.sha256("\n".join(sorted(runs) + sorted(values)).encode()).hexdigest()[:12]
 
 
 def gather(paths: Sequence[Path]) -> Gathered:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import fcntl
-import hashlib
 import io
 import os
 from collections.abc import Iterator, Sequence
@@ -78,7 +77,7 @@ def lines_of(found: Gathered, date: str) -> list[Line]:
     commit = versions.get("commit") or versions.get("dembench", "")
     return [
         Line(
-            digest(found),
+            found.digest(),
             datetime.fromisoformat(when).isoformat(),
             commit,
             *metric.key,
@@ -93,13 +92,6 @@ def lines_of(found: Gathered, date: str) -> list[Line]:
         for metric in found.metrics
         if metric.values
     ]
-
-
-def digest(found: Gathered) -> str:
-    """What tells one set of runs from another: the runs with when they were made, and the values of the others."""
-    runs = [f"{record.spec.digest()} {record.status.started}" for record in found.runs]
-    values = [f"{metric.key} {metric.values}" for metric in found.metrics]
-    return hashlib.sha256("\n".join(sorted(runs) + sorted(values)).encode()).hexdigest()[:12]
 
 
 def add(directory: Path, lines: Sequence[Line]) -> int:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from dembench.regression.baseline import Baseline, Expectation
+from dembench.regression.baseline import Baseline, Blessing, Expectation
 from dembench.regression.history import Line as Entry
 from dembench.regression.metrics import Key, margin_text
 from dembench.reports.figures import draw
@@ -84,7 +85,7 @@ def render(entries: Sequence[Entry], baseline: Baseline | None, output: Path) ->
     groups: dict[tuple[str, str], list[Trend]] = {}
     for trend in trends:
         groups.setdefault((trend.key.problem, trend.key.engine), []).append(trend)
-    names = tuple(first_of[mark].date[5:10] for mark in sets)
+    names = tuple(f"{k}\n{first_of[mark].date[5:10]}" for k, mark in enumerate(sets))
     plots = [
         plot
         for k, ((problem, engine), own) in enumerate(groups.items())
@@ -113,10 +114,10 @@ def _trends(
     expected = baseline.by_key() if baseline else {}
     marks: dict[Key, list[tuple[int, float]]] = {}
     for blessing in baseline.blessings if baseline else ():
-        before = [k for k, mark in enumerate(sets) if first_of[mark].date[:19] <= blessing.date[:19]]
+        place = sets.index(blessing.runs) if blessing.runs in sets else _before(blessing, sets, first_of)
         for change in blessing.changes:
             if change.after is not None:
-                marks.setdefault(change.key, []).append((before[-1] if before else 0, change.after))
+                marks.setdefault(change.key, []).append((place, change.after))
     found: dict[Key, list[Entry]] = {}
     for entry in entries:
         found.setdefault(entry.key, []).append(entry)
@@ -128,6 +129,12 @@ def _trends(
 
 def _colour(engine: str) -> str:
     return look(engine.partition("[")[0].partition(",")[0]).colour if engine else INK
+
+
+def _before(blessing: Blessing, sets: list[str], first_of: Mapping[str, Entry]) -> int:
+    """Number of the last set before a blessing of runs that the history does not have; 0 without one."""
+    when = datetime.fromisoformat(blessing.date)
+    return max((k for k, mark in enumerate(sets) if first_of[mark].moment <= when), default=0)
 
 
 # ---- figures
@@ -143,7 +150,10 @@ def _plot(
         return None
     shown = moved[:DRAWN]
     still, more = len(trends) - len(moved), len(moved) - len(shown)
-    caption = "Bars are the scatter of seeds or repeats; the grey band is what was blessed, with its tolerance."
+    caption = (
+        "Bars are the deviation between seeds; of times, as far below the smallest repeat as the next ones lie "
+        "above it. The grey band is what was blessed, with its tolerance."
+    )
     caption += f" What did not move is in the table only ({still})." if still else ""
     caption += f" So is what moved less ({more})." if more else ""
     few = len(names) <= NAMED
@@ -151,7 +161,7 @@ def _plot(
         name=name,
         title=f"{problem}: {engine}" if engine else problem.capitalize(),
         caption=caption,
-        x_label="Set of runs" if few else f"Set of runs, from {names[0]} to {names[-1]}",
+        x_label="Set of runs" if few else "Set of runs, by number",
         panels=tuple(_panel(trend, len(names), _colour(engine)) for trend in shown),
         command=command,
         x_names=names if few else (),
@@ -164,14 +174,13 @@ def _panel(trend: Trend, sets: int, colour: str) -> Panel:
     factor, unit = shown_in(last.unit, trend.values)
     spread = np.array([entry.spread for entry in trend.entries]) * factor
     y = trend.values * factor
-    below = 2 * spread if last.kind == "speed" else spread
     line = Line(
         "measured",
         np.array(trend.places, dtype=float),
         y,
         colour,
         points=len(y) == 1,
-        low=y - below if spread.any() else None,
+        low=y - spread if spread.any() else None,
         high=(y if last.kind == "speed" else y + spread) if spread.any() else None,
     )
     return Panel(
@@ -213,8 +222,6 @@ def _table(trends: Sequence[Trend]) -> Table:
         Column("Expected", kind="number", note="what the baseline expects"),
         Column("Change", "%", "number", "of the last value against the expected one, else against the first"),
         Column("Tolerance", kind="number"),
-        Column("Lowest", kind="number"),
-        Column("Highest", kind="number"),
         Column("Sets", kind="number", note="sets of runs that have it"),
     )
     return Table("metrics", "Metrics", columns, tuple(_row(trend) for trend in trends))
@@ -235,8 +242,6 @@ def _row(trend: Trend) -> tuple[Cell, ...]:
         Cell() if expected is None else _number(expected.value, unit),
         Cell() if change is None else Cell(grouped(change, 2), change, mark="outside" if beyond else ""),
         Cell() if expected is None else Cell(margin_text(expected.tolerance)),
-        _number(float(trend.values.min()), unit),
-        _number(float(trend.values.max()), unit),
         Cell(str(len(trend.entries)), len(trend.entries)),
     )
 
