@@ -104,6 +104,12 @@ def test_of_two_versions_in_one_directory_the_later_counts(
     assert found.metrics[0].value == pytest.approx(-0.05 * 1.02)
 
 
+def test_names_of_trials_tell_suites_apart() -> None:
+    """Runs are assigned to suites by the names of their trials: no two suites may share one."""
+    names = [t.name for s in suites.names() for e in suites.suite(s).experiments for t in e.trials]
+    assert sorted(set(names)) == sorted(names)
+
+
 def test_speeds_are_those_of_runs_beside_the_reference_workload(call: Callable[..., Result], small_scene: Any) -> None:
     save_scene(small_scene(), Path("small.json"))
     run = ("run", "small.json", "--engines", "standin", "--no-report", "--json")
