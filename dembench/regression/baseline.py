@@ -88,7 +88,8 @@ class Change(Model):
         if self.before and self.after is not None:
             share = f" ({100 * (self.after / self.before - 1):+.2g}%)"
         state = ", inaccurate" if self.state == "inaccurate" else ""
-        return f"{self.word} {self.key}: {values} {self.unit}{share}{state}"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.word} {self.key}: {values}{unit}{share}{state}"
 
 
 class Blessing(Model):
