@@ -16,7 +16,17 @@ from dembench.engines import registry
 from dembench.results.schema import SnapshotSeries
 from dembench.scene import Scene, check_scene
 from dembench.verification.scenes import MOTION
-from dembench.verification.stability import contrast, degenerate, statics, stiffness
+from dembench.verification.stability import (
+    audits,
+    chains,
+    contrast,
+    degenerate,
+    fast_impacts,
+    gas,
+    statics,
+    stiffness,
+    walls,
+)
 from dembench.verification.suites import suite
 
 EXPERIMENTS = {experiment.name: experiment for experiment in suite("stability").experiments}
@@ -133,6 +143,83 @@ def test_slip_and_acceleration_of_rolling() -> None:
     spin[1, :, 1] = np.array([1.1, 1.0, 0.9]) * v / statics.RADIUS
     found = statics.rolling(seen(scene, [0, 1], [scene.bodies.position] * 2, velocity, spin))
     assert found == pytest.approx((0.1, 0.0, 0.1), abs=1e-9)
+
+
+def test_spheres_that_carry_nothing_may_roll() -> None:
+    """Below the pyramid beside its three feet: held are the four of the pyramid, not the one that stands alone."""
+    scene = statics.creep_scene("creep", False, None)
+    alone = np.array([[5 * statics.RADIUS, 0, statics.RADIUS]])
+    position = np.vstack([scene.bodies.position, alone])
+    assert statics.carrying(scene, position).tolist() == [True] * 4 + [False]
+
+
+def test_bullets_that_go_through_or_on_are_not_stopped() -> None:
+    scene = fast_impacts.bullet_scene("bullets", None, True)
+    x = np.arange(4) * fast_impacts.APART + np.array([-20, -20, 50, -3])
+    v = fast_impacts.FAST * np.array([-0.8, 0.1, 0.9, -0.7])
+    position = np.stack([scene.bodies.position, np.stack([x, 0 * x, 0 * x], axis=1)])
+    velocity = np.stack([scene.bodies.velocity, np.stack([v, 0 * v, 0 * v], axis=1)])
+    found = fast_impacts.stopped(seen(scene, [0, 0.4], position, velocity), 4)
+    assert found == pytest.approx([0.8, -1, -1, 0.7])
+
+
+def test_soft_spheres_are_deflected_less_than_rigid_ones() -> None:
+    rigid = 2 * np.degrees(np.arccos(fast_impacts.GRAZE))
+    assert 0.5 * rigid < fast_impacts.soft_deflection() < rigid
+
+
+def test_the_time_of_cooling_is_that_of_haff() -> None:
+    """A synthetic series of Haff's law, and one that cools as t^-1.5."""
+    tau = gas.enskog_time()
+    time = np.linspace(0, 10 * tau, 41)
+    assert gas.cooled(time, (1 + time / tau) ** -2) == pytest.approx((tau, -2), rel=1e-3)
+    assert gas.cooled(time, (1 + time / tau) ** -1.5)[1] == pytest.approx(-1.5, rel=1e-3)
+
+
+def test_a_ring_that_lags_or_falls_is_seen() -> None:
+    scene = gas.drum_scene("drum", 1.3)
+    position = np.stack([scene.bodies.position] * 2)
+    velocity = np.stack([scene.bodies.velocity, 0.9 * scene.bodies.velocity])
+    inside, turning = gas.ring(seen(scene, [0, 1], position, velocity), 1.3)
+    assert inside > 1 and turning == pytest.approx(0.9)
+    position[1, 7] *= 0.5
+    assert gas.ring(seen(scene, [0, 1], position, velocity), 1.3)[0] < 1
+
+
+def test_a_chain_of_two_exchanges_velocities() -> None:
+    """Two elastic balls: the equations of motion swap them, and the peak of a bell is found between samples."""
+    kind = chains._chain_kind()
+    start = np.array([0, 2.1 * kind.radius]), np.array([1.0, 0.0])
+    v = chains.chain_velocities(*start, kind, np.linspace(0, 0.01, 5))
+    assert v[-1] == pytest.approx([0, 1], abs=1e-6)
+    time = np.linspace(0, 1, 101)
+    assert chains.arrival(time, np.exp(-(((time - 0.3337) / 0.1) ** 2))) == pytest.approx(0.3337, abs=1e-5)
+
+
+def test_the_landing_phase_of_an_exact_orbit_and_of_a_late_one() -> None:
+    """Free flights of one period on the shaking plate; a plate that starts later shifts the phase."""
+    for late in (0.0, 0.05):
+        scene = walls.plate_scene("plate", None)
+        period, omega = 1 / walls.FREQUENCY, 2 * np.pi * walls.FREQUENCY
+        landing = (walls.landing_phase() + 2 * np.pi * late) / omega
+        level = walls.GAMMA * 9.81 / omega**2 * np.sin(walls.landing_phase() + 2 * np.pi * late)
+        time = np.array(scene.observables[0].times)
+        since = (time - landing) % period
+        v = 0.5 * 9.81 * period - 9.81 * since
+        z = 1e-3 + level + 0.5 * 9.81 * since * (period - since)
+        zero = np.zeros_like(time)
+        position = np.stack([zero, zero, z], axis=1)[:, None]
+        velocity = np.stack([zero, zero, v], axis=1)[:, None]
+        assert walls._phase(seen(scene, time, position, velocity)) == pytest.approx(late, abs=2e-3)
+
+
+def test_a_run_that_differs_in_one_bit_is_no_repetition() -> None:
+    scene = audits.again_scene("d42_1")
+    one = np.stack([scene.bodies.position] * 2)
+    other = one.copy()
+    other[1, 3, 0] = np.nextafter(other[1, 3, 0], 1)
+    assert audits._again({"d42_1": seen(scene, [0, 1], one), "d42_2": seen(scene, [0, 1], one)})["D42"] == 0
+    assert audits._again({"d42_1": seen(scene, [0, 1], one), "d42_2": seen(scene, [0, 1], other)})["D42"] > 0
 
 
 # ---- on engines

@@ -17,6 +17,7 @@ from dembench.verification.scenes import WALL, Body, Kind, every, scene_of
 from dembench.verification.stability.common import (
     at_most,
     changed,
+    closed_step,
     contact_time,
     fitted,
     motion,
@@ -182,6 +183,7 @@ def experiments() -> tuple[Experiment, ...]:
                 at_most("D31c", "soft cradles: error of the energy", "1", 1e-3, "energy", scale=1.0),
             ),
             "long",
+            closed_step(partial(cradle_scene, "d31_soft", None)),
         ),
         on_one_scene(
             "d31_rigid",
@@ -203,6 +205,7 @@ def experiments() -> tuple[Experiment, ...]:
             _wave,
             (Check("D37a", "speed of a pulse in d sqrt(k/m)", "1", 1.0, 0.01, "long waves", scene_law=True),),
             "long",
+            closed_step(partial(chain_scene, "d37_wave", True)),
         ),
         on_one_scene(
             "d37_solitary",
@@ -221,5 +224,6 @@ def experiments() -> tuple[Experiment, ...]:
                 ),
             ),
             "long",
+            closed_step(partial(chain_scene, "d37_solitary", False)),
         ),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,11 @@ def fitted(step: float, interval: float) -> float:
 def changed(scene: Scene, **changes: Any) -> Scene:
     """A scene with other fields, checked again."""
     return Scene(**{**{name: getattr(scene, name) for name in Scene.model_fields}, **changes})
+
+
+def closed_step(scene: Callable[[], Scene]) -> dict[str, str]:
+    """Settings by which every engine takes the step of the scene, those with steps of their own, too."""
+    return {"dt": repr(scene().time_step)}
 
 
 def within(scene: Scene, lower: Sequence[float], upper: Sequence[float]) -> Scene:

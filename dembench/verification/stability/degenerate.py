@@ -13,7 +13,7 @@ from dembench.scene import Box, Clump, Cylinder, Domain, Mesh, Plane, Rigid, Sce
 from dembench.scene.materials import Law
 from dembench.verification.checks import Experiment, Trial, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, floor, scene_of
-from dembench.verification.stability.common import at_least, at_most, changed, lattice, motion, rayleigh
+from dembench.verification.stability.common import at_least, at_most, changed, closed_step, lattice, motion, rayleigh
 
 RADIUS = 1e-3
 G = 9.81
@@ -304,6 +304,7 @@ def experiments() -> tuple[Experiment, ...]:
                 at_most("D22d", f"rebound over speed beyond e = {SOFT_E:g}", "1", 1e-3, "restitution", scene_law=True),
             ),
             "long",
+            closed_step(soft),
         ),
         on_one_scene(
             "d22_vertex",

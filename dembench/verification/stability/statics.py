@@ -6,9 +6,10 @@ import math
 from functools import partial
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dembench.results import Result
-from dembench.scene import Box, Constraint, Mesh, Motion, Rigid, Scene, WallForce
+from dembench.scene import Box, Constraint, Mesh, Motion, Plane, Rigid, Scene, WallForce
 from dembench.scene.materials import Law
 from dembench.verification.checks import Check, Experiment, Trial, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, floor, scene_of
@@ -30,6 +31,8 @@ RADIUS = 0.01
 CREEP_STEP, CREEP_FROM, CREEP_TO = 1e-3, 10.0, 40.0
 """Step of rigid spheres [s]; the drift is that between the two times [s]."""
 HEAP = (5, 5, 8)
+TOUCH = 1e-3
+"""Gap below which two spheres touch [r]."""
 
 WEDGES = (45.0, 10.0, 2.0, 0.5)
 """Half angles [degrees]."""
@@ -80,11 +83,32 @@ def creep_scene(name: str, heap: bool, law: Law | None) -> Scene:
     return within(scene, (low - RADIUS, low - RADIUS, -RADIUS), (low + side + RADIUS,) * 2 + (31 * RADIUS,))
 
 
+def carrying(scene: Scene, position: np.ndarray) -> np.ndarray:
+    """Which spheres are held by three contacts or more, without the help of those that are not, shape (n,).
+
+    A sphere in a vault on the floor carries nothing and rolls there without resistance, as it should.
+    """
+    reach, held = TOUCH * RADIUS, np.ones(len(position), dtype=bool)
+    walls = sum((plane.signed_distance(position) < RADIUS + reach).astype(int) for plane in _faces(scene))
+    pairs = cKDTree(position).query_pairs(2 * RADIUS + reach, output_type="ndarray")
+    for _ in position:
+        both = pairs[held[pairs].all(axis=1)]
+        enough = walls + np.bincount(both.ravel(), minlength=len(position)) >= 3
+        if (enough >= held).all():
+            break
+        held &= enough
+    return held
+
+
+def _faces(scene: Scene) -> list[Plane]:
+    return [plane for wall in scene.walls if isinstance(wall, Box) for plane in wall.planes()]
+
+
 def drift(result: Result) -> float:
-    """Largest way of a body in 30 s, after the first ten [r]."""
+    """Largest way in 30 s, after the first ten, of a sphere that is held at the end [r]."""
     seen = motion(result)
-    late = seen.position[seen.time >= CREEP_FROM * 0.999]
-    return float(np.linalg.norm(late - late[0], axis=2).max() / RADIUS)
+    late = seen.position[seen.time >= CREEP_FROM * 0.999][:, carrying(result.scene, seen.position[-1])]
+    return float(np.linalg.norm(late - late[0], axis=2).max() / RADIUS) if late.size else math.nan
 
 
 def _creep(id: str, name: str, title: str, heap: bool, law: Law | None) -> Experiment:
@@ -93,7 +117,15 @@ def _creep(id: str, name: str, title: str, heap: bool, law: Law | None) -> Exper
         f"Creep of {title}, 40 s instead of an hour",
         partial(creep_scene, name, heap, law),
         lambda result: {id: drift(result)},
-        (at_most(id, f"{title}: drift of 30 s in r", "1", 1e-4, "statics; peclet 0.5.1: 8e-5 with sleeping"),),
+        (
+            at_most(
+                id,
+                f"{title}: drift of 30 s in r of those that are held",
+                "1",
+                1e-4,
+                "statics; peclet 0.5.1: 8e-5 with sleeping",
+            ),
+        ),
         "long",
         {"dt": repr(CREEP_STEP)} if law else {},
     )
@@ -148,9 +180,11 @@ def wedges(result: Result, mass: float) -> tuple[float, float, float]:
     angle = np.radians(np.repeat(WEDGES, len(ROUGH)))
     height = np.abs(seen.position[-1, :, 2] * np.sin(angle) / RADIUS - 1).max()
     aside = np.abs(seen.position[:, :, 0]).max() / RADIUS
+    # between rough walls a rigid sphere may hold itself: its force is not determined
+    known = slice(None, None, len(ROUGH)) if isinstance(result.scene.law, Rigid) else slice(None)
     force = [np.linalg.norm(result.observables[f"force{k}"].value[-1]) for k in range(len(angle))]
     exact = mass * G / (2 * np.sin(angle))
-    return float(height), float(aside), float(np.abs(np.array(force) / exact - 1).max())
+    return float(height), float(aside), float(np.abs(np.array(force) / exact - 1)[known].max())
 
 
 def _wedge(ids: str, name: str, title: str, law: Law | None) -> Experiment:
