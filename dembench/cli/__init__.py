@@ -14,6 +14,7 @@ from dembench.cli import (
     imports,
     initial,
     inspection,
+    maps,
     new,
     regression,
     results,
@@ -50,6 +51,7 @@ for verb in (
     inspection.schema,
 ):
     app.command()(verb)
+app.command("map")(maps.stability_map)
 app.command("import")(imports.import_results)
 app.add_typer(history.app, name="history")
 app.add_typer(initial.app, name="initial")

@@ -1,0 +1,1 @@
+"""Stability maps: the largest stable time step of engines over what makes a scene stiff or extreme."""
