@@ -178,9 +178,42 @@ def test_axes_choose_the_maps() -> None:
         families.axes(["stifness"])
 
 
-# ---- for real
+# ---- from the command to the page
 
 
+def test_an_engine_without_contacts_never_rebounds(standin, tmp_path: Path) -> None:
+    """Free flight: bodies go on into each other whatever the step, down to the end of the range; the page says so.
+
+    A repeated command takes all its answers from the runs that are there.
+    """
+    standin()
+    words = ["map", "--engines", "standin", "--axes", "restitution", "--out", str(tmp_path), "--json"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.stderr
+    (row,) = json.loads(done.stdout)["maps"][0]["rows"]
+    assert row["guard"] is None and len(row["cells"]) == len(AXES["restitution"])
+    assert {probe["kind"] for cell in row["cells"] for probe in cell["probes"]} == {"no rebound"}
+    assert min(probe["factor"] for probe in row["cells"][0]["probes"]) < 0.075
+    assert "no rebound (3)" in (tmp_path / "map.html").read_text()
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/status.json")}
+    again = CliRunner().invoke(app, words)
+    assert json.loads(again.stdout)["maps"] == json.loads(done.stdout)["maps"]
+    assert before == {path: path.stat().st_mtime_ns for path in tmp_path.glob("*/status.json")}
+
+
+def test_a_run_that_dies_is_an_answer(standin, tmp_path: Path) -> None:
+    """A program that crashes before its first frame refuses every step, and no step is tried twice."""
+    standin(standin=["crash", 0])
+    words = ["map", "--engines", "standin", "--axes", "restitution", "--out", str(tmp_path), "--json"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.stderr
+    (row,) = json.loads(done.stdout)["maps"][0]["rows"]
+    probes = [probe for cell in row["cells"] for probe in cell["probes"]]
+    assert {probe["kind"] for probe in probes} == {"refused"} and probes[0]["detail"] == "exit code 3"
+    assert len(list(tmp_path.glob("*/status.json"))) == len({probe["run"] for probe in probes})
+
+
+@pytest.mark.slow
 def test_the_soft_sphere_solver_breaks_near_the_bound_and_the_page_says_so(tmp_path: Path) -> None:
     """A light grain between heavy ones, elastic and damped: stable to 0.9 bounds at least, broken at 1.3 at most.
 
@@ -201,5 +234,3 @@ def test_the_soft_sphere_solver_breaks_near_the_bound_and_the_page_says_so(tmp_p
     page = (tmp_path / "map.html").read_text()
     assert "A light grain between heavy ones" in page and "energy growth" in page
     assert not (tmp_path / ".map.json.tmp").exists()
-    again = CliRunner().invoke(app, words)
-    assert json.loads(again.stdout)["maps"] == json.loads(done.stdout)["maps"]
