@@ -36,7 +36,7 @@ def plots(one: Map, command: str) -> list[Plot]:
     rows = [row for row in one.rows if any(cell.probes for cell in row.cells)]
     if not rows:
         return []
-    return [_limits(one, rows, command), _costs(one, rows, command)]
+    return [plot for plot in (_limits(one, rows, command), _costs(one, rows, command)) if plot.panels]
 
 
 def _limits(one: Map, rows: Sequence[RowFound], command: str) -> Plot:
@@ -102,8 +102,8 @@ def _costs(one: Map, rows: Sequence[RowFound], command: str) -> Plot:
     for variant in one.variants():
         own = [row for row in rows if row.variant == variant]
         cells = [cell for row in own for cell in row.cells]
-        if cells:
-            panels.append(_cost_panel(one, variant, own[0], cells))
+        if cells and (panel := _cost_panel(one, variant, own[0], cells)).lines:
+            panels.append(panel)
     growth = LATTICE_GROWTH if one.name == "lattices" else GROWTH
     return Plot(
         name=f"{one.name}-costs",
