@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -9,12 +10,13 @@ import typer
 
 from dembench import campaign, console
 from dembench.cli.options import Engines, Fresh, Json, print_json, usage_errors
+from dembench.runs.directory import find_runs
 from dembench.runs.environment import available_cores
 from dembench.runs.plan import PlannedRun, RequestError, split_list
 from dembench.verification import campaign as verification
 from dembench.verification import suites as suite_registry
 from dembench.verification.checks import TIERS, Suite, Tier
-from dembench.verification.rows import Row, all_right
+from dembench.verification.rows import MEASURED, Row, all_right
 
 
 def verify(
@@ -40,7 +42,43 @@ def verify(
         chosen = campaign.chosen_engines(engines)
         limit = campaign.seconds(timeout)
         plans = [verification.planned(one, chosen, out, timeout=limit) for one in suites]
-    with console.Display(quiet=json_) as display:
+    found, pages = carry_out(suites, plans, out, jobs=jobs, fresh=fresh, quiet=json_)
+    index = write_index(out)
+    if json_:
+        listed = [{"suite": one.name, **row.plain()} for one, rows in zip(suites, found, strict=True) for row in rows]
+        print_json({"rows": listed, "reports": pages, "index": index})
+    else:
+        for one, rows, page in zip(suites, found, pages, strict=True):
+            console.line(one.title)
+            console.check_rows(rows)
+            if page is not None:
+                console.line(str(page))
+        if index is not None:
+            console.line(str(index))
+    ok = all(all_right(rows) for rows in found) and None not in (*pages, index)
+    raise typer.Exit(0 if ok else 1)
+
+
+def carry_out(
+    suites: Sequence[Suite],
+    plans: Sequence[Sequence[PlannedRun]],
+    out: Path,
+    *,
+    jobs: int | None,
+    fresh: bool,
+    quiet: bool,
+) -> tuple[list[list[Row]], list[Path | None]]:
+    """Carries out the planned runs of suites and writes their pages: rows and page of each.
+
+    Args:
+        suites: The suites.
+        plans: The runs of each.
+        out: Directory of the pages.
+        jobs: Runs at a time; None for one per core.
+        fresh: Whether finished runs are run again.
+        quiet: Whether nothing is shown meanwhile.
+    """
+    with console.Display(quiet=quiet) as display:
         campaign.carry_out(
             [run for runs in plans for run in runs],
             at_once=jobs or len(available_cores()),
@@ -48,19 +86,9 @@ def verify(
             judge=verification.judge(suites),
             show=display.update,
         )
-    found = {one.name: verification.rows(one, runs) for one, runs in zip(suites, plans, strict=True)}
-    pages = [_write_suite_page(one, runs, found[one.name], out) for one, runs in zip(suites, plans, strict=True)]
-    if json_:
-        listed = [{"suite": name, **row.plain()} for name, rows in found.items() for row in rows]
-        print_json({"rows": listed, "reports": pages})
-    else:
-        for one, page in zip(suites, pages, strict=True):
-            console.line(one.title)
-            console.check_rows(found[one.name])
-            if page is not None:
-                console.line(str(page))
-    ok = all(all_right(rows) for rows in found.values()) and None not in pages
-    raise typer.Exit(0 if ok else 1)
+    found = [verification.rows(suite, runs) for suite, runs in zip(suites, plans, strict=True)]
+    pages = [_write_suite_page(*one, out) for one in zip(suites, plans, found, strict=True)]
+    return found, pages
 
 
 def _chosen(named: list[str], tier: Tier | None, only: list[str]) -> list[Suite]:
@@ -74,12 +102,26 @@ def _chosen(named: list[str], tier: Tier | None, only: list[str]) -> list[Suite]
     return found
 
 
-def _write_suite_page(suite: Suite, runs: list[PlannedRun], rows: list[Row], out: Path) -> Path | None:
+def write_index(out: Path) -> Path | None:
+    """Writes the index of everything that is verified in a directory."""
+    from dembench.reports.matrix import INDEX, render
+
+    try:
+        return render(find_runs(out), out / INDEX)
+    except Exception as error:
+        console.error(f"the index could not be written: {type(error).__name__}: {error}")
+        return None
+
+
+def _write_suite_page(suite: Suite, runs: Sequence[PlannedRun], rows: Sequence[Row], out: Path) -> Path | None:
     """Writes the page of a suite; what the runs produced is safe whatever happens here."""
     from dembench.reports.suite import render
 
+    records = [record for run in runs if (record := verification.record(run))]
     try:
-        return render(suite, [r for run in runs if (r := verification.record(run))], rows, out / f"{suite.name}.html")
+        if suite.keep is not None:
+            suite.keep([r for r in records if r.status.state in MEASURED and r.result is not None], out)
+        return render(suite, records, rows, out / f"{suite.name}.html")
     except Exception as error:
         console.error(f"the page could not be written: {type(error).__name__}: {error}")
         return None

@@ -18,6 +18,8 @@ from dembench.runs.states import Resumption
 from dembench.scene import Scene, features
 
 Facts = list[tuple[str, str]]
+MOST_ITEMS = 20
+"""Species, materials and pairs that are written out."""
 
 
 @dataclass(frozen=True)
@@ -74,21 +76,25 @@ def _contents(scene: Scene) -> Facts:
     walls = [f"{w.name} ({w.kind}, {w.material}{', moving' if w.motion else ''})" for w in scene.walls]
     return [
         ("Contact law", law),
-        ("Species", "; ".join(_species(scene))),
+        ("Species", _some(list(_species(scene)))),
         (
             "Materials",
-            "; ".join(
-                f"{m.name}: {significant(m.density)} kg/m³, Young {significant(m.young / 1e9)} GPa, "
-                f"Poisson {significant(m.poisson)}"
-                for m in scene.materials
+            _some(
+                [
+                    f"{m.name}: {significant(m.density)} kg/m³, Young {significant(m.young / 1e9)} GPa, "
+                    f"Poisson {significant(m.poisson)}"
+                    for m in scene.materials
+                ]
             ),
         ),
         (
             "Pairs",
-            "; ".join(
-                f"{p.a}\u2013{p.b}: restitution {significant(p.restitution)}, friction {significant(p.friction)}"
-                + (f", rolling friction {significant(p.rolling_friction)}" if p.rolling_friction else "")
-                for p in scene.pair_laws
+            _some(
+                [
+                    f"{p.a}\u2013{p.b}: restitution {significant(p.restitution)}, friction {significant(p.friction)}"
+                    + (f", rolling friction {significant(p.rolling_friction)}" if p.rolling_friction else "")
+                    for p in scene.pair_laws
+                ]
             ),
         ),
         ("Walls", "; ".join(walls) or "none"),
@@ -104,6 +110,12 @@ def _contents(scene: Scene) -> Facts:
         ("Features present", words(present.names())),
         ("Left out", f"{words(present.absent())}; no kernel, buffer or command of a deck is there for them"),
     ]
+
+
+def _some(items: Sequence[str]) -> str:
+    """Items in one line; of many the first, and how many more the scene file has."""
+    left = len(items) - MOST_ITEMS
+    return "; ".join(items[:MOST_ITEMS]) + (f"; and {left} more in the scene" if left > 0 else "")
 
 
 def _species(scene: Scene) -> Iterable[str]:

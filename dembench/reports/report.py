@@ -16,6 +16,7 @@ from dembench.reports.entries import Group, gather
 from dembench.reports.figures import Drawing, draw
 from dembench.reports.imported import imported_runs
 from dembench.reports.pages import write_page
+from dembench.reports.passport_tables import measured_law
 from dembench.reports.pictures import Album, albums
 from dembench.reports.published import published_results, published_times
 from dembench.reports.ratios import ratios
@@ -99,6 +100,7 @@ def _section(group: Group, beside: Path) -> SceneSection:
         single_runs(group),
         published_results(group),
         comparisons.differences(group),
+        measured_law(group),
         timings(group),
         published_times(group),
     )

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from dembench.reports import closed_forms_figures, facts, sanity_figures
+from dembench.reports import closed_forms_figures, facts, passport_figures, passport_tables, sanity_figures
 from dembench.reports.cells import state_cell
 from dembench.reports.entries import gather
 from dembench.reports.figures import draw
@@ -20,8 +20,14 @@ from dembench.verification.checks import Suite
 from dembench.verification.rows import MEASURED, UNJUDGED, Row
 
 Figures = Callable[[Sequence[RunRecord], str], list[Plot]]
-FIGURES: dict[str, Figures] = {"closed-forms": closed_forms_figures.plots, "sanity": sanity_figures.plots}
+FIGURES: dict[str, Figures] = {
+    "closed-forms": closed_forms_figures.plots,
+    "passport": passport_figures.plots,
+    "sanity": sanity_figures.plots,
+}
 """What draws the figures of a suite, from complete runs and the command that reproduces them."""
+TABLES: dict[str, Callable[[Sequence[RunRecord]], list[Table]]] = {"passport": passport_tables.tables}
+"""What makes tables of a suite's own, from complete runs; they stand before its checks."""
 
 
 def render(suite: Suite, runs: Sequence[RunRecord], rows: Sequence[Row], output: Path) -> Path:
@@ -52,6 +58,7 @@ def render(suite: Suite, runs: Sequence[RunRecord], rows: Sequence[Row], output:
         summary=" ".join(_summary(engine, rows) for engine in _engines(rows)),
         text=suite.text,
         source=suite.source,
+        own_tables=TABLES[suite.name](complete) if suite.name in TABLES else [],
         verdicts=_verdicts(rows),
         rows=_rows(rows),
         drawings=drawings,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Literal
 
 from dembench.engines.base import Division
 from dembench.results import Result
+from dembench.runs.directory import RunRecord
 from dembench.scene import Scene
 
 Kind = Literal["closed form", "publication", "ensemble", "converged run"]
@@ -153,6 +155,7 @@ class Suite:
         source: Where its problems come from.
         experiments: The experiments.
         settings: Settings that every engine gets which has a setting of that name, unless another value is typed.
+        keep: Keeps what its complete runs say beyond the rows, beside its page in a directory; None for nothing.
     """
 
     name: str
@@ -161,6 +164,7 @@ class Suite:
     source: str
     experiments: tuple[Experiment, ...]
     settings: Mapping[str, str] = field(default_factory=dict)
+    keep: Callable[[Sequence[RunRecord], Path], object] | None = None
 
     def part(self, tier: Tier | None = None, only: Sequence[str] = ()) -> Suite:
         """The suite with some of its experiments.

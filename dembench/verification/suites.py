@@ -11,6 +11,7 @@ BUILT_IN = {
     "sanity": "dembench.verification.sanity:suite",
     "closed-forms": "dembench.verification.closed_forms.suite:suite",
     "stability": "dembench.verification.stability:suite",
+    "passport": "dembench.verification.passport.suite:suite",
 }
 GROUP = "dembench.suites"
 

@@ -1,0 +1,64 @@
+"""What a report says of the contact law of its engines: measured, or how to measure it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from reading import Page
+from synthetic import add_run, impact, series
+
+from dembench.reports.report import render
+from dembench.runs.directory import find_runs
+from dembench.verification.passport import measure, record
+
+
+def passport(engine: str, settings: dict[str, object]) -> record.Passport:
+    found = measure.distances(measure.predicted()["no-tension"])
+    return record.Passport(
+        engine=engine,
+        engine_version="1.0",
+        label=engine,
+        settings=settings,
+        law="",
+        date="2026-02-03",
+        fits="no-tension",
+        fits_title="Hertz-Mindlin, tension clipped",
+        distance=0.0,
+        scene_law="hertz-mindlin",
+        scene_distance=measure.together(found["hertz-mindlin"]),
+        distances=found,
+        restitution={},
+        friction={},
+        run="r",
+    )
+
+
+def test_the_law_measured_stands_beside_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Alpha has a passport, made with another time step; beta has none, and one of other rows does not count."""
+    monkeypatch.setenv("DEMBENCH_CACHE", str(tmp_path / "cache"))
+    scene, runs = impact(0.02), tmp_path / "runs"
+    add_run(runs, scene, "alpha", observables=series(scene), loop=9.0, settings={"dt": 5e-7})
+    beta = {"rows": "soft", "dt": 5e-6}
+    add_run(
+        runs,
+        scene,
+        "beta",
+        observables=series(scene),
+        loop=1.0,
+        overrides={"rows": "soft", "dt": "5e-6"},
+        settings=beta,
+    )
+    record.keep([passport("alpha", {"dt": 1e-9}), passport("beta", {"rows": "hard"})], tmp_path / "verify")
+    page = Page(render(find_runs(runs), tmp_path / "report.html").read_text(encoding="utf-8"))
+    (table,) = [rows for name, rows in page.tables.items() if name.endswith("-law")]
+    heading, *rows = [[cell.text.strip() for cell in row] for row in table]
+    assert heading[1].startswith("Distance to the scene's law")
+    first, second = sorted(rows)
+    scene_distance = measure.together(measure.distances(measure.predicted()["no-tension"])["hertz-mindlin"])
+    assert (
+        float(first[1]) == pytest.approx(scene_distance, abs=5e-5)
+        and "tension clipped" in first[2]
+        and first[4] == "2026-02-03"
+    )
+    assert "not measured" in second[2] and "dembench passport --engines 'beta[rows=soft]'" in second[2]
