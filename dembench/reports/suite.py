@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from dembench.reports import closed_forms_figures, facts, passport_figures, passport_tables, sanity_figures
@@ -16,7 +17,7 @@ from dembench.reports.plot import Plot
 from dembench.reports.svg import variable
 from dembench.reports.tables import Cell, Column, Table, grouped, significant
 from dembench.runs.directory import RunRecord
-from dembench.verification.checks import Suite
+from dembench.verification.checks import Check, Suite
 from dembench.verification.rows import MEASURED, UNJUDGED, Row
 
 Figures = Callable[[Sequence[RunRecord], str], list[Plot]]
@@ -119,55 +120,70 @@ def _verdicts(rows: Sequence[Row]) -> Table:
 
 
 def _rows(rows: Sequence[Row]) -> Table:
+    """One row for each check, with what every engine measured."""
     with_page = any(row.check.published for row in rows)
+    engines = _engines(rows)
     columns = (
         Column("Check"),
-        Column("What", kind="long"),
-        Column("Status"),
-        Column("Engine", kind="long"),
-        Column("Measured", kind="number"),
-        Column("Expected", kind="number", note="≤ and ≥: a bound"),
+        Column("What", kind="wrap", note="and where the expected value comes from"),
+        Column("Expected", kind="number", note="≤ and ≥: what is accepted"),
         Column("Tolerance", kind="number", note="largest deviation that is accepted"),
-        Column("Kind", note="where the expected value comes from"),
+        *(Column(engine, kind="number", note="measured") for engine in engines),
     )
     page_columns = (
         Column("Page measured", kind="number", note="what the published page measured"),
         Column("Page expects", kind="number", note="what the published page expects, and its tolerance"),
-        Column("Inside it", note="whether the measured value is inside the tolerance of the page"),
+        Column("Inside it", kind="long", note="the engines whose values are inside the tolerance of the page"),
     )
     notes = list(dict.fromkeys(p.note for row in rows if (p := row.check.published) is not None and p.note))
     reasons = dict.fromkeys(f"{row.engine}: {row.detail}" for row in rows if row.detail)
     marks = {note: "*" * (k + 1) for k, note in enumerate(notes)}
-    listed = [(*_cells(row), *_page_cells(row, marks)) if with_page else _cells(row) for row in rows]
+    by_check: dict[str, dict[str, Row]] = {}
+    for row in rows:
+        by_check.setdefault(row.check.id, {})[row.engine] = row
+    listed = []
+    for own in by_check.values():
+        check = next(iter(own.values())).check
+        cells = (
+            Cell(check.id),
+            Cell(check.title, detail=f"{check.kind}: {check.source}"),
+            *_expected(check),
+            *(_measured(own[engine]) if engine in own else Cell() for engine in engines),
+        )
+        listed.append((*cells, *_page_cells(check, own, marks)) if with_page else cells)
     footnotes = (*(f"{mark} {note}" for note, mark in marks.items()), *reasons)
     shown = (*columns, *page_columns) if with_page else columns
     return Table("rows", "Checks", shown, tuple(listed), footnotes=footnotes)
 
 
-def _cells(row: Row) -> tuple[Cell, ...]:
-    check = row.check
-    places = max(0, min(6, 1 - _exponent(check.tolerance or abs(check.expected) or 1.0)))
-    return (
-        Cell(check.id),
-        Cell(check.title, detail=check.source),
-        state_cell(row.status),
-        _engine_cell(row.engine),
-        _value(row.measured, places, check.unit),
-        _value(check.expected, places, check.unit, {"at most": "≤ ", "at least": "≥ "}.get(check.sense, "")),
-        Cell(significant(check.tolerance, 2), check.tolerance),
-        Cell(check.kind),
-    )
+def _expected(check: Check) -> tuple[Cell, Cell]:
+    """What is expected and the tolerance; of a bound what is accepted."""
+    if check.sense == "within":
+        return _value(check.expected, check), Cell(significant(check.tolerance, 2), check.tolerance)
+    sign, shown = (1, "≤ ") if check.sense == "at most" else (-1, "≥ ")
+    bound = check.expected + sign * check.tolerance
+    return Cell(shown + _with_unit(significant(bound), check), bound), Cell()
 
 
-def _page_cells(row: Row, marks: Mapping[str, str]) -> tuple[Cell, ...]:
-    page = row.check.published
+def _measured(row: Row) -> Cell:
+    """What an engine measured, marked as met or missed; the state of a run without a value."""
+    if row.measured is None:
+        return state_cell(row.status)
+    return replace(_value(row.measured, row.check), tone="within" if row.status == "ok" else "outside")
+
+
+def _page_cells(check: Check, own: Mapping[str, Row], marks: Mapping[str, str]) -> tuple[Cell, ...]:
+    page = check.published
     if page is None:
         return (Cell(), Cell(), Cell())
     expects = f"{significant(page.expected)} ± {significant(page.tolerance)}"
+    known = {engine: row.inside_published for engine, row in own.items() if row.inside_published is not None}
+    inside = [engine for engine, fits in known.items() if fits]
+    told = Cell(", ".join(inside) or "none", mark="within" if len(inside) == len(known) else "outside")
     return (
         Cell(significant(page.value), page.value),
         Cell(expects, page.expected, flags=marks.get(page.note, "")),
-        _inside(row),
+        told if known else Cell(),
     )
 
 
@@ -175,17 +191,21 @@ def _exponent(value: float) -> int:
     return int(f"{value:e}".split("e")[1])
 
 
-def _value(value: float | None, places: int, unit: str, bound: str = "") -> Cell:
-    if value is None:
-        return Cell()
-    text = bound + grouped(value, places)
-    return Cell(text if unit == "1" else f"{text} {unit}", float(f"{value:.10g}"))
+def _value(value: float, check: Check) -> Cell:
+    """A value with as many digits as its tolerance needs; one of a bound at zero on its own."""
+    size = abs(check.expected) or check.tolerance or 1.0
+    fine = _exponent(check.tolerance or size)
+    if check.sense != "within" and not check.expected:
+        text = significant(value, 2)
+    elif fine < -5:
+        text = significant(value, max(2, _exponent(size) - fine + 2))
+    else:
+        text = grouped(value, max(0, 1 - fine))
+    return Cell(_with_unit(text, check), float(f"{value:.10g}"))
 
 
-def _inside(row: Row) -> Cell:
-    if row.inside_published is None:
-        return Cell()
-    return Cell("inside", mark="within") if row.inside_published else Cell("outside", mark="outside")
+def _with_unit(text: str, check: Check) -> str:
+    return text if check.unit == "1" else f"{text} {check.unit}"
 
 
 def _engine_cell(engine: str) -> Cell:

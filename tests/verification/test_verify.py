@@ -129,11 +129,14 @@ def test_only_what_was_asked_for_is_run(verify) -> None:
     assert nothing.exit_code == 2 and "no experiment of falling, planets fits H7" in nothing.output
 
 
-def test_the_page_opens_offline_and_shows_every_row(verify) -> None:
+def test_the_page_opens_offline_and_shows_every_check(verify) -> None:
     verify("--engines", "standin,standin-picky")
     text = Path("runs/verify/falling.html").read_text()
     page = Page(text)
-    assert len(page.tables["rows"]) == 1 + 6
+    head, *listed = page.tables["rows"]
+    assert [cell.text for cell in listed[1]][:2] == ["F2", "speedclosed form: g t"]
+    assert len(listed) == 3
+    assert [cell.text.split()[0] for cell in head][4:6] == ["standin", "standin-picky"]
     assert [cell.text for cell in page.tables["verdicts"][1]][:4] == ["standin", "3", "3 of 3", "1 of 2"]
     assert "The page forgot something." in text
     assert "dembench verify --suite falling --engines standin,standin-picky" in text
