@@ -46,7 +46,7 @@ def _limits(one: Map, rows: Sequence[RowFound], command: str) -> Plot:
     return Plot(
         name=f"{one.name}-limits",
         title=f"{one.title}: largest stable step",
-        caption=f"Coloured lines: largest step that is stable, by {one.axes[-1]}; black lines: theoretical bound. "
+        caption=f"Coloured lines: largest step that is stable, by {one.axes[-1]}; thin lines: theoretical bound. "
         "Markers: the smallest step that breaks, by what it looks like; without one nothing breaks up to the line. "
         "Diamonds: where the engine's own guard ends.",
         x_label=TITLES[across],
@@ -75,7 +75,7 @@ def _limit_panel(one: Map, row: RowFound) -> Panel:
         style = BROKEN.index(kind)
         lines.append(Line(kind, places, steps, CLASS_COLOURS[kind], style=style, points=True))
     known += _guard(one, row)
-    place = ", ".join(f"{TITLES[axis]} {row.cells[0].at[axis]:.0e}" for axis in one.axes[:-2])
+    place = ", ".join(f"{axis} {row.cells[0].at[axis]:.0e}" for axis in one.axes[:-2])
     title = f"{row.variant}, {place}" if place else row.variant
     return Panel("Time step / Rayleigh time", tuple(lines), tuple(known), log_y=True, title=title)
 
@@ -135,5 +135,5 @@ def _cost_panel(one: Map, variant: str, row: RowFound, cells: Sequence[CellFound
     ends = np.array([factors[0], factors[-1]])
     growth = LATTICE_GROWTH if one.name == "lattices" else GROWTH
     limit = () if one.measures_restitution else (Known("growth", ends, np.full(2, growth), points=False, style=1),)
-    label = "|e − e of the scene|" if one.measures_restitution else "Kinetic energy / that at the start"
+    label = "|e − e of the scene|" if one.measures_restitution else "Energy / that at start"
     return Panel(label, tuple(lines), limit, log_y=True, title=variant)

@@ -12,6 +12,7 @@ BUILT_IN = {
     "closed-forms": "dembench.verification.closed_forms.suite:suite",
     "stability": "dembench.verification.stability:suite",
     "passport": "dembench.verification.passport.suite:suite",
+    "statistical": "dembench.verification.statistical.suite:suite",
 }
 GROUP = "dembench.suites"
 

@@ -1,0 +1,1 @@
+"""The suite of bulk behaviour that only ensembles show: cooling, packing, repose."""

@@ -1,0 +1,190 @@
+"""Beds that pour themselves: solid fraction of random packings, angle of a heap."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from dembench.results import Result
+from dembench.scene import Bodies, Cylinder, Domain, Material, PairLaw, Plane, Scene, Snapshot, Species
+from dembench.scene.wall import Motion
+from dembench.verification.checks import Check, Experiment, Trial
+
+RADIUS, DENSITY, YOUNG, POISSON, RESTITUTION = 1e-3, 2500.0, 1e7, 0.25, 0.5
+"""Grains softer than glass by 6000 so that a step is 1e-5 s; under a bed of 20 layers they overlap by 0.1 %."""
+STEP, GRAVITY = 1e-5, 9.81
+SPACING = 2.3
+"""Distance of grains before they fall, in radii."""
+WIDTH, LAYERS, POURING = 10, 18, 0.6
+"""Grains along an edge of the poured bed, their layers, and the time in which it comes to rest [s]."""
+SEEDS = range(3)
+FLOOR, TOP = 4.0, 4.0
+"""Distance of the bulk from the floor and from the highest grains, in diameters."""
+FRICTIONS = {"smooth": (0.0, 0.636, 0.015), "rough": (0.5, 0.59, 0.02)}
+"""Friction, expected solid fraction and half-width of its band, by kind of bed."""
+HEAP_RADIUS, HEAP_LAYERS, LIFTING, LIFT_SPEED = 8.0, 20, 0.9, 0.06
+"""Radius of the lifted cylinder in radii of grains, layers in it, duration [s], speed of the lift [m/s]."""
+HEAP_FRICTION, HEAP_ANGLE, HEAP_BAND = 0.5, 22.0, 4.0
+"""Friction, angle and half-width of its band [degrees]."""
+
+
+def poured(kind: str, seed: int) -> Scene:
+    """Grains that fall from a loose lattice onto a floor between periodic sides."""
+    generator = np.random.default_rng(seed)
+    pitch = SPACING * RADIUS
+    places = np.stack(np.meshgrid(np.arange(WIDTH), np.arange(WIDTH), np.arange(LAYERS)), axis=-1).reshape(-1, 3) + 0.5
+    position = places * pitch + generator.uniform(-0.1, 0.1, places.shape) * RADIUS
+    velocity = generator.normal(0, 0.1, places.shape)
+    size = WIDTH * pitch
+    floor = Plane(name="floor", material="solid", point=(0, 0, 0), normal=(0, 0, 1))
+    domain = Domain(lower=(0, 0, -2 * RADIUS), upper=(size, size, 2 * LAYERS * pitch), periodic=(True, True, False))
+    return _scene(f"poured_{kind}", FRICTIONS[kind][0], position, velocity, (floor,), domain, POURING)
+
+
+def heaped(seed: int) -> Scene:
+    """Grains that run out of a cylinder which is lifted slowly off a floor."""
+    generator = np.random.default_rng(seed)
+    pitch, radius = SPACING * RADIUS, HEAP_RADIUS * RADIUS
+    reach = math.floor(radius / pitch)
+    across = np.arange(-reach, reach + 1)
+    places = np.stack(np.meshgrid(across, across, np.arange(HEAP_LAYERS)), axis=-1).reshape(-1, 3) * pitch
+    places = places[np.hypot(places[:, 0], places[:, 1]) < radius - 1.15 * RADIUS] + [0, 0, 0.5 * pitch]
+    position = places + generator.uniform(-0.1, 0.1, places.shape) * RADIUS
+    height = 2 * HEAP_LAYERS * pitch
+    lift = Motion(velocity=(0, 0, LIFT_SPEED))
+    walls = (
+        Plane(name="floor", material="solid", point=(0, 0, 0), normal=(0, 0, 1)),
+        Cylinder(name="sleeve", material="solid", start=(0, 0, 0), end=(0, 0, height), radius=radius, motion=lift),
+    )
+    room = 100 * RADIUS
+    upper = height + LIFT_SPEED * LIFTING + 2 * RADIUS
+    domain = Domain(lower=(-room, -room, -2 * RADIUS), upper=(room, room, upper))
+    return _scene("heap", HEAP_FRICTION, position, np.zeros_like(position), walls, domain, LIFTING)
+
+
+def _scene(
+    name: str,
+    friction: float,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    walls: tuple[Plane | Cylinder, ...],
+    domain: Domain,
+    duration: float,
+) -> Scene:
+    return Scene(
+        name=name,
+        materials=(Material(name="solid", density=DENSITY, young=YOUNG, poisson=POISSON),),
+        pair_laws=(PairLaw(a="solid", b="solid", restitution=RESTITUTION, friction=friction),),
+        species=(Species(name="grain", material="solid", radius=RADIUS),),
+        walls=walls,
+        bodies=Bodies(position=position, velocity=velocity),
+        domain=domain,
+        gravity=(0, 0, -GRAVITY),
+        duration=duration,
+        time_step=STEP,
+        observables=(Snapshot(name="end", times=(duration,)),),
+    )
+
+
+def solid_fraction(height: np.ndarray, radius: float, area: float, low: float, high: float) -> float:
+    """Share of a layer between two heights that spheres fill [-].
+
+    Args:
+        height: Heights of their centres [m], shape (n,).
+        radius: [m].
+        area: Area of the layer [m^2].
+        low, high: Its heights [m].
+    """
+
+    def below(level: float) -> np.ndarray:
+        """Volume of each sphere below a level, pi d^2 (r - d/3) of a cap of height d [m^3]."""
+        cap = np.clip(level - height + radius, 0, 2 * radius)
+        return np.asarray(math.pi * cap**2 * (radius - cap / 3))
+
+    return float((below(high) - below(low)).sum() / (area * (high - low)))
+
+
+def slope_angle(position: np.ndarray, radius: float) -> float:
+    """Angle of a conical heap about the z axis [degrees].
+
+    The slope is that of the line of least squares through the tops of rings one diameter wide, the tip and the foot
+    left out: rings between a fifth and four fifths of the height of the heap.
+
+    Args:
+        position: Centres [m], shape (n, 3).
+        radius: [m].
+    """
+    away = np.hypot(position[:, 0], position[:, 1])
+    ring = (away / (2 * radius)).astype(int)
+    tops = np.array([position[ring == k, 2].max() if (ring == k).any() else 0.0 for k in range(ring.max() + 1)])
+    centre = (np.arange(len(tops)) + 0.5) * 2 * radius
+    share = tops / tops.max()
+    foot = int(np.argmax(share < 0.2)) or len(share)
+    used = (np.arange(len(tops)) < foot) & (share < 0.8)
+    if np.count_nonzero(used) < 2:
+        raise ValueError("the heap is too small for a slope")
+    return float(np.degrees(np.arctan(-np.polyfit(centre[used], tops[used], 1)[0])))
+
+
+def _fractions(results: Mapping[str, Result], kind: str) -> float:
+    found = []
+    for name, result in results.items():
+        if name.startswith(kind):
+            height = result.snapshots["end"].position[-1, :, 2]
+            size = result.scene.domain.upper[0]
+            high = float(np.quantile(height, 0.99)) - TOP * 2 * RADIUS
+            found.append(solid_fraction(height, RADIUS, size**2, FLOOR * 2 * RADIUS, high))
+    return float(np.mean(found))
+
+
+def packings() -> Experiment:
+    """Solid fractions of poured beds without and with friction."""
+    trials = [
+        Trial(f"{kind}_{seed}", lambda kind=kind, seed=seed: poured(kind, seed)) for kind in FRICTIONS for seed in SEEDS
+    ]
+    text = "poured between periodic sides onto a plane, from 4 diameters above it to 4 below the top"
+    checks = [
+        Check(
+            f"GP3{letter}",
+            f"random packing, friction {friction:g}: solid fraction ({text})",
+            "1",
+            expected,
+            band,
+            "random close packing (G. D. Scott & D. M. Kilgour 1969)" if not friction else "band of poured spheres",
+            kind="publication",
+        )
+        for letter, (friction, expected, band) in zip("ab", FRICTIONS.values(), strict=True)
+    ]
+    return Experiment(
+        "packings",
+        "Poured beds",
+        tuple(trials),
+        lambda results: {
+            f"GP3{letter}": _fractions(results, kind) for letter, kind in zip("ab", FRICTIONS, strict=True)
+        },
+        tuple(checks),
+        tier="statistical",
+    )
+
+
+def heap() -> Experiment:
+    """Angle of repose of a heap."""
+
+    def measure(results: Mapping[str, Result]) -> Mapping[str, float]:
+        angles = [slope_angle(r.snapshots["end"].position[-1], RADIUS) for r in results.values()]
+        return {"BK4": float(np.mean(angles))}
+
+    check = Check(
+        "BK4",
+        "heap from a lifted cylinder, friction 0.5: angle of its slope, mean of three seeds",
+        "degrees",
+        HEAP_ANGLE,
+        HEAP_BAND,
+        "band of free spheres without rolling resistance, 20 to 24 degrees, and 2 for small heaps; compare the round "
+        "robin of H. Saomoto et al. 2023",
+        kind="publication",
+    )
+    trials = tuple(Trial(f"heap_{seed}", lambda seed=seed: heaped(seed)) for seed in SEEDS)
+    return Experiment("heap", "Heap", trials, measure, (check,), tier="statistical")
