@@ -20,8 +20,10 @@ SECTIONS = (stiffness, contrast, fast_impacts, gas, degenerate, statics, chains,
 NOT_POSED = {
     "D11, D21": "a scene refuses starts that overlap by more than 1 %",
     "D23": "a scene refuses numbers that are not finite, with the particle named, before any engine sees them",
-    "D32": "spheres that roll on each other make an arch a mechanism, which stands for no friction",
+    "D32": "spheres that roll on each other make an arch a mechanism, which no friction holds; the silo is a bulk case",
+    "D25 with 1e7": "memory of the usual machine",
     "D36": "scenes have no springs to pull with",
+    "D38": "suite sanity, SP5",
     "D42, second half": "CPU against GPU needs a GPU",
 }
 """Entries of the catalogue that no scene poses, with the reason."""

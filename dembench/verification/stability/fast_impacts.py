@@ -426,7 +426,8 @@ def experiments() -> tuple[Experiment, ...]:
             partial(graze_scene, "d10_rigid", rigid),
             lambda result: {"D10a": _deflection(result)},
             (Check("D10a", "rigid, v dt = 0.2 r: deflection in degrees", "1", sharp, 1.0, "2 acos(b/d)"),),
-            settings={"dt": repr(0.2 / FAST)},
+            "long",
+            {"dt": repr(0.2 / FAST)},
         ),
         on_one_scene(
             "d10_soft",

@@ -1,15 +1,16 @@
-"""Statics and sticking: D29, D30, D34 and D35."""
+"""Statics and sticking: D29, D30 and D33 to D35."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dembench.results import Result
-from dembench.scene import Box, Constraint, Mesh, Motion, Plane, Rigid, Scene, WallForce
+from dembench.scene import Bodies, Box, Clump, Constraint, Mesh, Motion, Plane, Rigid, Scene, WallForce
 from dembench.scene.materials import Law
 from dembench.verification.checks import Check, Experiment, Trial, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, floor, scene_of
@@ -39,6 +40,8 @@ WEDGES = (45.0, 10.0, 2.0, 0.5)
 ROUGH = (0.0, 0.5)
 CLOSING, CLOSED = 0.05, 0.005
 """Speed of the wall of a closing wedge [m/s] and the way that it closes [m]."""
+
+CARD_ANGLE, CARD_TIME = 70.0, 10.0
 
 SLOPE = 0.5
 """Tangent of the incline."""
@@ -228,6 +231,40 @@ def closing_scene(name: str, law: Law | None) -> Scene:
     return changed(scene, domain=scene.domain.model_copy(update={"lower": (-0.3,) * 3, "upper": (0.3,) * 3}))
 
 
+# ---- D33: card house
+
+
+def card_scene() -> Scene:
+    """Two cards of eight spheres that lean against each other, 70 degrees above the floor.
+
+    Feet and heads are spheres, which roll; two cards on two feet are rigid all the same: six contacts for six ways.
+    """
+    rows = [(0.0, y * RADIUS, (2 * k - 3) * RADIUS, RADIUS) for k in range(4) for y in (-1, 1)]
+    shape = Clump(spheres=tuple(rows))
+    kind = Kind(1e8, 2500, shape.bounding_radius, restitution=0.1, friction=0.5, shape=shape)
+    lean, half = math.radians(90 - CARD_ANGLE), 3 * RADIUS
+    place = RADIUS + half * math.sin(lean), RADIUS + half * math.cos(lean)
+    dt = 2e-5
+    scene = scene_of(
+        "d33_cards",
+        {"card": kind},
+        [Body("card", (side * place[0], 0, place[1])) for side in (-1, 1)],
+        time_step=dt,
+        times=every(1.0, CARD_TIME),
+        gravity=(0, 0, -G),
+        walls=(floor(),),
+    )
+    turned = [[0, -side * math.sin(lean / 2), 0, math.cos(lean / 2)] for side in (-1, 1)]
+    bodies = Bodies(position=scene.bodies.position, orientation=turned)
+    room = 20 * RADIUS
+    return within(changed(scene, bodies=bodies), (-room, -room, -RADIUS), (room, room, room))
+
+
+def _cards(result: Result) -> Mapping[str, float]:
+    seen = motion(result)
+    return {"D33": float(np.linalg.norm(seen.position - seen.position[0], axis=2).max() / (8 * RADIUS))}
+
+
 # ---- D34 and D35: the incline
 
 
@@ -317,7 +354,7 @@ def _rolling(ids: str, name: str, title: str, law: Law | None, default: bool) ->
 
 
 def experiments() -> tuple[Experiment, ...]:
-    """D29, D30, D34 and D35."""
+    """D29, D30 and D33 to D35."""
     rigid = Rigid()
     return (
         _creep("D29a", "d29_pyramid", "a pyramid of soft spheres", False, None),
@@ -339,6 +376,15 @@ def experiments() -> tuple[Experiment, ...]:
                 ("D30g", "d30_closing", "soft", None),
                 ("D30h", "d30_closing_rigid", "rigid", rigid),
             )
+        ),
+        on_one_scene(
+            "d33_cards",
+            "Two cards of eight spheres",
+            card_scene,
+            _cards,
+            (at_most("D33", "two cards at 70 degrees, 10 s: drift in their length", "1", 1e-3, "statics"),),
+            "long",
+            {"dt": "2e-5"},
         ),
         _incline("ab", "d34_soft", "a soft sphere that cannot turn", None),
         _incline("cd", "d34_rigid", "a rigid sphere that cannot turn", rigid),
