@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dembench.scene.checks import check_scene
-from dembench.verification.statistical import beds, gas
+from dembench.verification.statistical import beds, gas, silo
 from dembench.verification.statistical.suite import suite
 
 
@@ -44,6 +44,18 @@ def test_the_slope_of_a_cone_is_measured(angle: float) -> None:
     points = generator.uniform([-size, -size, 0], [size, size, size * np.tan(np.radians(angle))], (400_000, 3))
     inside = points[:, 2] < (size - np.hypot(points[:, 0], points[:, 1])) * np.tan(np.radians(angle))
     assert beds.slope_angle(points[inside], radius) == pytest.approx(angle, abs=1.0)
+
+
+def test_the_saturation_of_janssens_law_is_found() -> None:
+    """Masses by the law give M_s back; a floor that carries everything is seen as no saturation and as a deviation."""
+    filled = np.array([1.0, 2.0, 3.0])
+    limit, deviation = silo.saturation(filled, 0.8 * (1 - np.exp(-filled / 0.8)))
+    assert limit == pytest.approx(0.8, rel=1e-6) and deviation < 1e-6
+    checks = {check.id: check for check in silo.experiment().checks}
+    limit, _ = silo.saturation(filled, 0.999 * filled)
+    assert limit > 100 and not checks["BK1c"].accepts(0.999)
+    _, deviation = silo.saturation(filled, [0.3, 0.7, 1.4])
+    assert not checks["BK1b"].accepts(deviation)
 
 
 def test_scenes_fit_and_seeds_differ() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dembench.verification.checks import Suite
-from dembench.verification.statistical import beds, gas
+from dembench.verification.statistical import beds, gas, silo
 
 
 def suite() -> Suite:
@@ -13,6 +13,6 @@ def suite() -> Suite:
         title="Statistical bulk behaviour",
         text="What no single run tells: every number is the mean of an ensemble of seeds, beside theory or the band "
         "that publications leave. Grains are softer than real ones: that is part of the scenes, for all engines.",
-        source="Haff 1983; Scott & Kilgour 1969; Saomoto et al. 2023",
-        experiments=(gas.experiment(), beds.packings(), beds.heap()),
+        source="Janssen 1895; Haff 1983; Scott & Kilgour 1969; Saomoto et al. 2023",
+        experiments=(gas.experiment(), beds.packings(), beds.heap(), silo.experiment()),
     )
