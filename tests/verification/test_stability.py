@@ -128,7 +128,7 @@ def test_hop_and_rebound_at_a_corner() -> None:
     assert found == pytest.approx({"hop": 0.5, "rebound": 0.25})
 
 
-def test_creep_counts_after_ten_seconds_only() -> None:
+def test_creep_counts_once_the_pile_has_settled() -> None:
     scene = statics.creep_scene("creep", False, None)
     way = np.array([0.0, 0.5, 0.5, 0.5 + 2e-4]) * statics.RADIUS
     position = scene.bodies.position + way[:, None, None] * np.array([1.0, 0, 0])
