@@ -36,16 +36,6 @@ def test_solid_fractions_of_a_lattice_are_exact() -> None:
         assert beds.solid_fraction(height, 1.0, 36.0, low, low + 6) == pytest.approx(np.pi / 6, rel=1e-12)
 
 
-@pytest.mark.parametrize("angle", [15.0, 22.0, 30.0])
-def test_the_slope_of_a_cone_is_measured(angle: float) -> None:
-    """A cone filled at random with ten times the grains of a ring gives its angle to a degree: tops lie below it."""
-    generator = np.random.default_rng(0)
-    radius, size = 1.0, 40.0
-    points = generator.uniform([-size, -size, 0], [size, size, size * np.tan(np.radians(angle))], (400_000, 3))
-    inside = points[:, 2] < (size - np.hypot(points[:, 0], points[:, 1])) * np.tan(np.radians(angle))
-    assert beds.slope_angle(points[inside], radius) == pytest.approx(angle, abs=1.0)
-
-
 def test_the_saturation_of_janssens_law_is_found() -> None:
     """Masses by the law give M_s back; a floor that carries everything is seen as no saturation and as a deviation."""
     filled = np.array([1.0, 2.0, 3.0])

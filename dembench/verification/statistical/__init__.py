@@ -1,1 +1,1 @@
-"""The suite of bulk behaviour that only ensembles show: cooling, packing, repose."""
+"""The suite of bulk behaviour that only ensembles show: cooling, packing, weight in silos."""

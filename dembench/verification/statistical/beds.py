@@ -1,4 +1,4 @@
-"""Beds that pour themselves: solid fraction of random packings, angle of a heap."""
+"""Beds that pour themselves: solid fraction of random packings."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from dembench.results import Result
-from dembench.scene import Bodies, Cylinder, Domain, Material, PairLaw, Plane, Scene, Snapshot, Species
-from dembench.scene.wall import Motion
+from dembench.scene import Bodies, Domain, Material, PairLaw, Plane, Scene, Snapshot, Species
 from dembench.verification.checks import Check, Experiment, Trial
 
 RADIUS, DENSITY, YOUNG, POISSON, RESTITUTION = 1e-3, 2500.0, 1e7, 0.25, 0.5
@@ -24,10 +23,6 @@ FLOOR, TOP = 4.0, 4.0
 """Distance of the bulk from the floor and from the highest grains, in diameters."""
 FRICTIONS = {"smooth": (0.0, 0.636, 0.015), "rough": (0.5, 0.59, 0.02)}
 """Friction, expected solid fraction and half-width of its band, by kind of bed."""
-HEAP_RADIUS, HEAP_LAYERS, LIFTING, LIFT_SPEED = 8.0, 20, 0.9, 0.06
-"""Radius of the lifted cylinder in radii of grains, layers in it, duration [s], speed of the lift [m/s]."""
-HEAP_FRICTION, HEAP_ANGLE, HEAP_BAND = 0.5, 22.0, 4.0
-"""Friction, angle and half-width of its band [degrees]."""
 
 
 def poured(kind: str, seed: int) -> Scene:
@@ -43,33 +38,12 @@ def poured(kind: str, seed: int) -> Scene:
     return _scene(f"poured_{kind}", FRICTIONS[kind][0], position, velocity, (floor,), domain, POURING)
 
 
-def heaped(seed: int) -> Scene:
-    """Grains that run out of a cylinder which is lifted slowly off a floor."""
-    generator = np.random.default_rng(seed)
-    pitch, radius = SPACING * RADIUS, HEAP_RADIUS * RADIUS
-    reach = math.floor(radius / pitch)
-    across = np.arange(-reach, reach + 1)
-    places = np.stack(np.meshgrid(across, across, np.arange(HEAP_LAYERS)), axis=-1).reshape(-1, 3) * pitch
-    places = places[np.hypot(places[:, 0], places[:, 1]) < radius - 1.15 * RADIUS] + [0, 0, 0.5 * pitch]
-    position = places + generator.uniform(-0.1, 0.1, places.shape) * RADIUS
-    height = 2 * HEAP_LAYERS * pitch
-    lift = Motion(velocity=(0, 0, LIFT_SPEED))
-    walls = (
-        Plane(name="floor", material="solid", point=(0, 0, 0), normal=(0, 0, 1)),
-        Cylinder(name="sleeve", material="solid", start=(0, 0, 0), end=(0, 0, height), radius=radius, motion=lift),
-    )
-    room = 100 * RADIUS
-    upper = height + LIFT_SPEED * LIFTING + 2 * RADIUS
-    domain = Domain(lower=(-room, -room, -2 * RADIUS), upper=(room, room, upper))
-    return _scene("heap", HEAP_FRICTION, position, np.zeros_like(position), walls, domain, LIFTING)
-
-
 def _scene(
     name: str,
     friction: float,
     position: np.ndarray,
     velocity: np.ndarray,
-    walls: tuple[Plane | Cylinder, ...],
+    walls: tuple[Plane, ...],
     domain: Domain,
     duration: float,
 ) -> Scene:
@@ -104,28 +78,6 @@ def solid_fraction(height: np.ndarray, radius: float, area: float, low: float, h
         return np.asarray(math.pi * cap**2 * (radius - cap / 3))
 
     return float((below(high) - below(low)).sum() / (area * (high - low)))
-
-
-def slope_angle(position: np.ndarray, radius: float) -> float:
-    """Angle of a conical heap about the z axis [degrees].
-
-    The slope is that of the line of least squares through the tops of rings one diameter wide, the tip and the foot
-    left out: rings between a fifth and four fifths of the height of the heap.
-
-    Args:
-        position: Centres [m], shape (n, 3).
-        radius: [m].
-    """
-    away = np.hypot(position[:, 0], position[:, 1])
-    ring = (away / (2 * radius)).astype(int)
-    tops = np.array([position[ring == k, 2].max() if (ring == k).any() else 0.0 for k in range(ring.max() + 1)])
-    centre = (np.arange(len(tops)) + 0.5) * 2 * radius
-    share = tops / tops.max()
-    foot = int(np.argmax(share < 0.2)) or len(share)
-    used = (np.arange(len(tops)) < foot) & (share < 0.8)
-    if np.count_nonzero(used) < 2:
-        raise ValueError("the heap is too small for a slope")
-    return float(np.degrees(np.arctan(-np.polyfit(centre[used], tops[used], 1)[0])))
 
 
 def _fractions(results: Mapping[str, Result], kind: str) -> float:
@@ -167,24 +119,3 @@ def packings() -> Experiment:
         tuple(checks),
         tier="statistical",
     )
-
-
-def heap() -> Experiment:
-    """Angle of repose of a heap."""
-
-    def measure(results: Mapping[str, Result]) -> Mapping[str, float]:
-        angles = [slope_angle(r.snapshots["end"].position[-1], RADIUS) for r in results.values()]
-        return {"BK4": float(np.mean(angles))}
-
-    check = Check(
-        "BK4",
-        "heap from a lifted cylinder, friction 0.5: angle of its slope, mean of three seeds",
-        "degrees",
-        HEAP_ANGLE,
-        HEAP_BAND,
-        "band of free spheres without rolling resistance, 20 to 24 degrees, and 2 for small heaps; compare the round "
-        "robin of H. Saomoto et al. 2023",
-        kind="publication",
-    )
-    trials = tuple(Trial(f"heap_{seed}", lambda seed=seed: heaped(seed)) for seed in SEEDS)
-    return Experiment("heap", "Heap", trials, measure, (check,), tier="statistical")
