@@ -177,9 +177,9 @@ def force_functions(o: StepOptions) -> Any:
         if gap < wp.float64(0.0):
             overlap = real(-gap)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
-            dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(walls, feature, first, x)
             s, torque = vec3(), vec3()
             arm = lever(radius, overlap)
+            dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(walls, feature, first, x - wp.float64(arm) * normal)
             if wp.static(friction):
                 s = arm * spin(b, i)
             c = of_wall(b, i, walls.features[feature].kind, table, columns)

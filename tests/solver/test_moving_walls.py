@@ -9,7 +9,7 @@ import pytest
 from grains import RADIUS, grains, resting_overlap
 from scipy.optimize import brentq
 
-from dembench.scene import Box, Mesh, Motion, Plane, Sdf
+from dembench.scene import Box, Cylinder, Mesh, Motion, Plane, Sdf
 from dembench.solver import Simulation
 
 DRIVERS: dict[str, dict[str, Any]] = {
@@ -84,6 +84,38 @@ def test_d39_a_box_that_turns_and_travels_takes_its_ball_along(driver: str, kind
     centre = np.array([arm * np.cos(rate * t), arm * np.sin(rate * t), speed * t])
     assert t == pytest.approx(np.pi / 2 / rate, rel=1e-4)
     assert np.abs(simulation.position[0] - centre).max() < 0.03 * RADIUS
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_a_grain_that_turns_with_its_drum_does_not_slip(driver: str) -> None:
+    """A grain at the wall of a drum moves with it as one rigid body: nothing slips, and it keeps the drum's spin.
+
+    The surface of the wall is faster than the grain's centre by spin times radius. Taken at the centre, its velocity
+    would stop the spin: 20 radii away a contact time is enough.
+    """
+    rate, drum = 50.0, 20 * RADIUS
+    motion = Motion(angular_velocity=(0, rate, 0))
+    wall = Cylinder(name="drum", material="grain", start=(0, -1, 0), end=(0, 1, 0), radius=drum, motion=motion)
+    far = drum - RADIUS
+    law = {"young": 1e7, "restitution": 0.2, "friction": 0.5}
+    scene = grains([[far, 0, 0]], [[0, 0, -rate * far]], [[0, rate, 0]], walls=(wall,), **law)
+    simulation = Simulation(scene, 2e-6, **DRIVERS[driver])
+    simulation.step(round(np.pi / 2 / rate / 2e-6))
+    assert simulation.angular_velocity[0] == pytest.approx([0, rate, 0], abs=0.02 * rate)
+    assert np.abs(simulation.position[0] - [0, 0, -far]).max() < 0.02 * RADIUS
+
+
+def test_a_turning_drum_gives_two_sevenths_of_its_speed() -> None:
+    """A rigid grain that hits it and sticks: v = 2/7 and w r = 5/7 of the surface's speed, Walton's b0 = 0."""
+    rate, drum = 5.0, 20 * RADIUS
+    motion = Motion(angular_velocity=(0, rate, 0))
+    wall = Cylinder(name="drum", material="grain", start=(0, -1, 0), end=(0, 1, 0), radius=drum, motion=motion)
+    scene = grains([[drum - 1.5 * RADIUS, 0, 0]], [[1.0, 0, 0]], walls=(wall,), restitution=0.5, friction=5.0)
+    simulation = Simulation(scene, 1e-5, **DRIVERS["rigid"])
+    simulation.step(200)
+    speed = rate * drum
+    assert simulation.velocity[0] == pytest.approx([-0.5, 0, -2 / 7 * speed], abs=1e-4)
+    assert simulation.angular_velocity[0, 1] == pytest.approx(5 / 7 * speed / RADIUS, rel=1e-4)
 
 
 def shaken(gamma: float, height: float, velocity: float, restitution: float, kind: str = "plane") -> tuple[Any, float]:

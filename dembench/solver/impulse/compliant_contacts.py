@@ -95,9 +95,9 @@ def contact_kernel(o: CompliantOptions) -> Any:
                 f = lists.wall_f[slot]
                 distance, normal = distance_of(walls, f, 0, x)
                 n = normal
-                v = v - velocity_of(walls, f, 0, x)
                 own = radius(b, ki)
                 overlap = own - distance
+                v = v - velocity_of(walls, f, 0, x - wp.float64(arm_of(own, real(overlap))) * normal)
                 if wp.static(friction):
                     s = arm_of(own, real(overlap)) * spin(b, i)
                     memory = lists.wall_memory[slot]

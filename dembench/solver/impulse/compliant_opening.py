@@ -274,7 +274,8 @@ def opening_functions(o: CompliantOptions) -> Any:
             radius_i = radius(b, k)
             overlap = real(radius_i - distance)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
-            dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, 0, x)
+            ai = arm_of(radius_i, overlap)
+            dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, 0, x - wp.float64(ai) * normal)
             v = vec3(real(dv[0]), real(dv[1]), real(dv[2]))
             memory, w = vec4(), vec3()
             if wp.static(friction):
@@ -284,7 +285,6 @@ def opening_functions(o: CompliantOptions) -> Any:
             if overlap + real(0.5) * h * (wp.abs(wp.dot(v, n)) + fall) > real(0.0):
                 c = of_wall(b, i, features.features[f].kind, table, columns)
                 rows.c[found - common] = c
-                ai = arm_of(radius_i, overlap)
                 p = open_row(
                     rows,
                     found,

@@ -323,7 +323,7 @@ def row_functions(o: ImpulseOptions) -> Any:
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
             own = radius(b, k)
             gap = real(distance - own)
-            v = velocity_of(walls, f, 0, x)
+            v = velocity_of(walls, f, 0, x - wp.float64(own) * normal)
             approach = real((k[3] - v[0]) * normal[0] + (k[4] - v[1]) * normal[1] + (k[5] - v[2]) * normal[2])
             if gap + wp.min(approach, real(0.0)) * dt < limits.margin:
                 if found < capacity:
