@@ -160,7 +160,7 @@ def scene_of(
 
 def _species(name: str, kind: Kind) -> Species:
     if kind.shape is not None:
-        return Species(name=name, material=name, shape=kind.shape)
+        return Species.model_validate({"name": name, "material": name, "shape": kind.shape})
     return Species(name=name, material=name, radius=kind.radius)
 
 

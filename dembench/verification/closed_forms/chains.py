@@ -54,7 +54,7 @@ class Chain:
     speed: float
     gap: float = 0.0
 
-    def velocities(self, times: Sequence[float]) -> np.ndarray:
+    def velocities(self, times: Sequence[float] | np.ndarray) -> np.ndarray:
         """Velocities of the balls at some times [m/s], shape (t, n): m x_i'' = F_(i-1) - F_i, F = k overlap^p."""
         gaps = np.full(BALLS - 1, self.gap * self.radius)
         gaps[0] = FIRST_GAP * self.radius

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,8 @@ PAIRS = Volley(
 
 # ---- CO2, CO6, CO7, CO8: spheres of 0.2 m
 
-ALUMINIUM, COPPER, SPUN = (7e10, 2699, 0.1, 0.33), (1.2e11, 8900, 0.1, 0.35), {"restitution": 0.5, "friction": 0.4}
+ALUMINIUM, COPPER = (7e10, 2699, 0.1, 0.33), (1.2e11, 8900, 0.1, 0.35)
+SPUN: dict[str, Any] = {"restitution": 0.5, "friction": 0.4}
 ALLOYS = {
     "aluminium": Kind(*ALUMINIUM),
     "magnesium": Kind(4e10, 1800, 0.1, 0.35),
@@ -79,7 +81,7 @@ LARGE = Volley(
 
 OXIDE, IRON, ALLOY = (3.8e11, 4000, 0.0025, 0.23), (1e11, 7000, 0.0025, 0.25), (7e10, 2700, 0.0025, 0.33)
 RESTITUTIONS = (0.2, 0.4, 0.6, 0.8, 1.0)
-OBLIQUE = {"restitution": 0.98, "friction": 0.092}
+OBLIQUE: dict[str, Any] = {"restitution": 0.98, "friction": 0.092}
 SMALL_SPEED = 3.9
 PAPER_ANGLES, SLIDING_ANGLES = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0), (40.0, 50.0, 60.0, 70.0, 80.0)
 PAPER = (0.948, 0.687, 0.624, 0.616, 0.634, 0.684, 0.737)

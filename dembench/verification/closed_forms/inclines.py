@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ GRAVITY, RADIUS = 9.81, 5e-4
 STEP, END, EVERY = 1e-5, 0.06, 1e-3
 FROM = 0.02
 """Accelerations are means from here to the end [s]: the springs of the contact have settled."""
-MATERIAL = {"young": 1e7, "density": 1e4, "radius": RADIUS, "restitution": 0.5}
+MATERIAL: dict[str, Any] = {"young": 1e7, "density": 1e4, "radius": RADIUS, "restitution": 0.5}
 SLOPE = math.radians(30)
 SLIDING, ROLLING = (0.05, 0.10, 0.15), (0.18, 0.3, 0.8)
 """Friction coefficients below and above (2/7) tan 30° = 0.165, where spheres begin to slide."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ RADIUS = 5e-4
 STEP, END, EVERY = 1e-5, 0.06, 5e-4
 FRICTIONS, SPEEDS = (0.1, 0.3, 1.0), (0.05, 0.1)
 """Friction coefficients, and initial speeds of two balls each [m/s]: the longest sliding takes 29 ms."""
-MATERIAL = {"young": 1e7, "density": 1e4, "radius": RADIUS}
+MATERIAL: dict[str, Any] = {"young": 1e7, "density": 1e4, "radius": RADIUS}
 BRISK, DULL = 0.9, 0.3
 """Restitutions of the balls that slide and of those that stand. The law does not bound the dashpot of a contact whose
 spring is still short, and a ball that begins to slide at once meets it at full speed: in one step of 10 μs it loses 3 %

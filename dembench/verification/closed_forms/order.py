@@ -40,14 +40,16 @@ def slope(values: Sequence[float] | np.ndarray) -> float:
     return float(-np.polyfit(np.log(STEPS), np.log(values), 1)[0])
 
 
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def errors(results: Mapping[str, Result], kind: str, restitution: float) -> list[tuple[float, float]]:
     """Root mean square relative errors of restitution and duration of all pairs, for each step."""
     exact, found = problems.collision(restitution), []
     for n in STEPS:
         e, duration = problems.rebounds(results[name_of(kind, n)])
-        found.append(
-            tuple(float(np.sqrt(np.mean(x**2))) for x in (e / exact.restitution - 1, duration / exact.duration - 1))
-        )
+        found.append((_rms(e / exact.restitution - 1), _rms(duration / exact.duration - 1)))
     return found
 
 

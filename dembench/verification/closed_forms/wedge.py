@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from dembench.verification.scenes import MOTION, WALL, Body, Kind, every, scene_
 
 GRAVITY, RADIUS, HALF_ANGLE = 9.81, 5e-4, math.radians(10)
 STEP, END, EVERY = 1e-5, 0.06, 1e-3
-MATERIAL = {"young": 1e7, "density": 1e4, "radius": RADIUS, "restitution": 0.3}
+MATERIAL: dict[str, Any] = {"young": 1e7, "density": 1e4, "radius": RADIUS, "restitution": 0.3}
 KINDS = {"smooth": Kind(**MATERIAL), "rough": Kind(**MATERIAL, friction=0.5)}
 SIDES = ("left", "right")
 

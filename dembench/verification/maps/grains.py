@@ -34,7 +34,10 @@ def rigs(values: Mapping[str, Sequence[float]]) -> list[Rig]:
     order = list(kinds)
     radii = [bound / _bound_over_radius(ratio, e) for ratio, e in grid]
     distance = 4 * max(radii)
-    position, velocity, species, cells = [], [], [], []
+    position: list[list[float]] = []
+    velocity: list[list[float]] = []
+    species: list[int] = []
+    cells: list[Cell] = []
     for (ratio, e), (light, heavy), radius in zip(grid, names, radii, strict=True):
         z = distance * len(cells)
         speed = _speed(ratio)

@@ -34,7 +34,10 @@ def _rig(young: float, speeds: Sequence[float], restitutions: Sequence[float]) -
     distance = 4 * max(radii)
     kinds = [f"e{round(1000 * e)}" for e in restitutions]
     species = [Species(name=f"pair{k}", material=kinds[k % len(kinds)], radius=r) for k, r in enumerate(radii)]
-    position, velocity, own, cells = [], [], [], []
+    position: list[list[float]] = []
+    velocity: list[list[float]] = []
+    own: list[int] = []
+    cells: list[Cell] = []
     bound = _bound(young)
     for k, (speed, e) in enumerate(grid):
         first = len(position)

@@ -37,7 +37,8 @@ def rigs(values: Mapping[str, Sequence[float]]) -> list[Rig]:
     unscaled = [bound(contacts, overlap) for contacts, overlap in grid]
     shared = unscaled[0]
     generator = np.random.default_rng(0)
-    position, velocity, spin, species, fixed, cells = [], [], [], [], [], []
+    position: list[np.ndarray] = []
+    velocity, spin, species, fixed, cells = [], [], [], [], []
     edge = 0.0
     for k, (contacts, overlap) in enumerate(grid):
         radius = RADIUS * shared / unscaled[k]

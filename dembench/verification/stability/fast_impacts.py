@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from dembench.results import Result
 from dembench.scene import Box, Constraint, Domain, ElasticEnergy, Motion, Plane, Rigid, Scene, Sdf
 from dembench.scene.materials import Law
+from dembench.scene.walls import WallShape
 from dembench.verification.checks import Check, Experiment, Trial, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, floor, scene_of
 from dembench.verification.stability.common import (
@@ -71,7 +72,7 @@ def bullet_scene(name: str, step: float | None, slabs: bool) -> Scene:
     targets = len(THICKNESSES) if slabs else 2
     offset = 0.37 * FAST * dt
     bodies = [Body("grain", (APART * k - FLIGHT - offset, 0, 0), (FAST, 0, 0)) for k in range(targets)]
-    walls = []
+    walls: list[WallShape] = []
     if slabs:
         walls = [_slab(k, thickness) for k, thickness in enumerate(THICKNESSES)]
     else:

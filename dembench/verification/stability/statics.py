@@ -211,6 +211,11 @@ def _wedge(ids: str, name: str, title: str, law: Law | None) -> Experiment:
     )
 
 
+def _closing(id: str, name: str, results: Mapping[str, Result]) -> dict[str, float]:
+    """Largest speed in that of the wall."""
+    return {id: float(speeds(motion(results[name])).max() / CLOSING)}
+
+
 def closing_scene(name: str, law: Law | None) -> Scene:
     """A sphere in a wedge of 10 degrees whose left side closes by half a radius: friction holds it, and it jams."""
     kind, angle = Kind(1e7, 2500, RADIUS, restitution=0.1, friction=0.5), math.radians(10)
@@ -370,7 +375,7 @@ def experiments() -> tuple[Experiment, ...]:
                 name,
                 f"A wedge that closes on a {title} sphere",
                 (Trial(name, partial(closing_scene, name, law)),),
-                lambda results, id=id, name=name: {id: float(speeds(motion(results[name])).max() / CLOSING)},
+                partial(_closing, id, name),
                 (at_most(id, f"{title}: largest speed in that of the wall", "1", 10.0, "finite forces: jam or slip"),),
                 "long",
             )

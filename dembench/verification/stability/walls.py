@@ -74,6 +74,10 @@ def plate_scene(name: str, law: Law | None) -> Scene:
     )
 
 
+def _phases(id: str, result: Result) -> dict[str, float]:
+    return {id: _phase(result)}
+
+
 def _phase(result: Result) -> float:
     """Largest error of the landing phase in the second half of the run, as a share of a period."""
     seen = motion(result)
@@ -167,7 +171,7 @@ def experiments() -> tuple[Experiment, ...]:
                 name,
                 f"A ball on a plate that shakes with 1.3 g, {title} (at 4 g no period-one orbit is stable)",
                 partial(plate_scene, name, law),
-                lambda result, id=id: {id: _phase(result)},
+                partial(_phases, id),
                 (at_most(id, f"{title} ball: error of the landing phase in periods", "1", 0.01, "Luck & Mehta 1993"),),
                 "long",
                 {"dt": "1e-4"} if law else {},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -93,9 +94,7 @@ def _fractions(results: Mapping[str, Result], kind: str) -> float:
 
 def packings() -> Experiment:
     """Solid fractions of poured beds without and with friction."""
-    trials = [
-        Trial(f"{kind}_{seed}", lambda kind=kind, seed=seed: poured(kind, seed)) for kind in FRICTIONS for seed in SEEDS
-    ]
+    trials = [Trial(f"{kind}_{seed}", partial(poured, kind, seed)) for kind in FRICTIONS for seed in SEEDS]
     text = "poured between periodic sides onto a plane, from 4 diameters above it to 4 below the top"
     checks = [
         Check(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -99,7 +100,7 @@ def experiment() -> Experiment:
     return Experiment(
         "haff",
         "Cooling gas",
-        tuple(Trial(f"haff_{seed}", lambda seed=seed: scene(seed)) for seed in SEEDS),
+        tuple(Trial(f"haff_{seed}", partial(scene, seed)) for seed in SEEDS),
         _measure,
         (
             Check("GP1a", "Haff's law: time of cooling, mean of eight seeds", "s", time, 0.05 * time, source),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.optimize import curve_fit
@@ -119,11 +120,7 @@ def _name(layers: int, seed: int) -> str:
 
 def experiment() -> Experiment:
     """Janssen's law on fillings of three heights."""
-    trials = [
-        Trial(_name(layers, seed), lambda layers=layers, seed=seed: scene(layers, seed))
-        for layers in LAYERS
-        for seed in SEEDS
-    ]
+    trials = [Trial(_name(layers, seed), partial(scene, layers, seed)) for layers in LAYERS for seed in SEEDS]
     source = "Janssen 1895: M_s (1 − exp(−M/M_s)), M_s = ρ π R³/(2 μ K)"
     return Experiment(
         "janssen",
