@@ -78,7 +78,7 @@ def test_softening_stands_in_every_heading(silo_page: Path) -> None:
     headings = re.findall(r"<h4>(.*?)</h4>", text)
     shown = [h for h in headings if "softened" in h]
     assert {h.partition("<")[0].strip() for h in headings if h not in shown} <= {
-        "All runs", "Engines", "Cores and load", "Settings: case1, quick, closed",
+        "All runs", "Contact law, measured", "Engines", "Cores and load", "Settings: case1, quick, closed",
     }  # fmt: skip
     assert len(shown) > 8 and all(SOFT in h for h in shown)
 

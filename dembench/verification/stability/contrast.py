@@ -237,8 +237,11 @@ def _tower_experiment(letters: str, name: str, title: str, scene: partial[Scene]
 
 
 def block_scene(name: str, poured: bool, law: Law | None) -> Scene:
-    """Unit spheres (d = 1 m) on a lattice of 1.05 d in a box: at rest, or from 20 d with 10 d/s downwards."""
-    kind = Kind(1e8, 2500, 0.5, restitution=0.1, friction=0.3)
+    """Unit spheres (d = 1 m) on a lattice of 1.05 d in a box: at rest, or from 20 d with 10 d/s downwards.
+
+    Their own weight alone makes overlaps of 0.8 % of d at the floor; with E = 1e8 Pa it would be 4 %.
+    """
+    kind = Kind(1e9, 2500, 0.5, restitution=0.1, friction=0.3)
     height, speed = (20.0, -10.0) if poured else (0.0, 0.0)
     position = lattice(BLOCK, 1.05) + np.array([0.525, 0.525, 0.5 + height])
     size = (1.05 * BLOCK[0], 1.05 * BLOCK[1], 60.0)

@@ -39,6 +39,8 @@ DRUM, GRAIN = 0.1, 2.5e-3
 ABOVE, BELOW = 1.3, 0.9
 """Speeds of the drum in sqrt(g/R)."""
 ACROSS, TURNS = 4, 5
+PATHS = tuple(DRUM - GRAIN * (1 + 2 * k) for k in range(3))
+"""Radii of the rings [m]."""
 G = 9.81
 
 LENGTHS = (1.0, 1e-6, 1e-3, 1e3)
@@ -161,22 +163,20 @@ def _zero_gravity(id: str, name: str, title: str, law: Law | None, default: bool
 
 
 def drum_scene(name: str, froude: float) -> Scene:
-    """A single layer of grains on the mantle of a drum, which turn with it from the start."""
-    kind = Kind(1e6, 2500, GRAIN, restitution=0.5, friction=0.8)
-    w, path = froude * math.sqrt(G / DRUM), DRUM - GRAIN
-    around = math.floor(2 * math.pi / (2 * math.asin(GRAIN / path)))
-    length = 2 * GRAIN * ACROSS
-    angle = 2 * math.pi * np.arange(around) / around
-    bodies = [
-        Body(
-            "grain",
-            (path * math.cos(a), path * math.sin(a), GRAIN * (2 * j + 1)),
-            (-w * path * math.sin(a), w * path * math.cos(a), 0),
-            (0, 0, w),
-        )
-        for j in range(ACROSS)
-        for a in angle
-    ]
+    """Rings of grains on the mantle of a drum, which turn with it from the start.
+
+    Grains of a single ring would roll on the mantle, whatever the friction; those of several hold each other. They are
+    moved at random: slices that are equal to the bit would stay so, and roll as cylinders do.
+    """
+    kind = Kind(1e6, 2500, 0.98 * GRAIN, restitution=0.5, friction=0.8)
+    w, length = froude * math.sqrt(G / DRUM), 2 * GRAIN * ACROSS
+    rings = [(path, math.floor(math.pi / math.asin(GRAIN / path))) for path in PATHS]
+    ring = [(path, 2 * math.pi * k / n) for path, n in rings for k in range(n)]
+    centres = np.array(
+        [(path * math.cos(a), path * math.sin(a), GRAIN * (2 * j + 1)) for j in range(ACROSS) for path, a in ring]
+    )
+    centres += 0.01 * GRAIN * np.random.default_rng(0).uniform(-1, 1, centres.shape)
+    bodies = [Body("grain", (x, y, z), (-w * y, w * x, 0), (0, 0, w)) for x, y, z in centres]
     turning = Motion(angular_velocity=(0, 0, w))
     wall = Cylinder(
         name="drum",
@@ -268,7 +268,7 @@ def experiments() -> tuple[Experiment, ...]:
         _zero_gravity("D18b", "d18_rigid", "rigid spheres", Rigid(), False),
         Experiment(
             "d19_drum",
-            "A single layer in a drum above and below the critical speed (480 grains instead of 5000)",
+            "Three layers in a drum above and below the critical speed (1388 grains instead of 5000)",
             (
                 Trial("d19_above", partial(drum_scene, "d19_above", ABOVE)),
                 Trial("d19_below", partial(drum_scene, "d19_below", BELOW)),
