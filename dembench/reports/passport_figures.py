@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,9 +140,7 @@ def _forces(seen: list[Seen], command: str) -> Plot:
             touching = depth[:, own] > 0
             return 1e6 * depth[touching, own], normal[touching, own]
 
-        lines = tuple(s.line(*curve(s.motion)) for s in seen)
-        known = tuple(Known(n, *curve(m), style=k, points=False) for k, n, m in _known(names))
-        panels.append(Panel("Normal force [N]", lines, known, log_y=False, title=f"e = {e:g}"))
+        panels.append(_panel("Normal force [N]", f"e = {e:g}", curve, seen, names))
     return Plot(
         name="normal",
         title="Normal force against overlap",
@@ -153,6 +151,20 @@ def _forces(seen: list[Seen], command: str) -> Plot:
         command=command,
         columns=2,
     )
+
+
+def _panel(
+    axis: str,
+    title: str,
+    curve: Callable[[Motion], tuple[np.ndarray, np.ndarray]],
+    seen: list[Seen],
+    names: tuple[str, ...],
+    points: bool = False,
+) -> Panel:
+    """A curve, or points, of every engine over the curves of some named laws."""
+    lines = tuple(s.line(*curve(s.motion), points=points) for s in seen)
+    known = tuple(Known(n, *curve(m), style=k, points=False) for k, n, m in _known(names))
+    return Panel(axis, lines, known, log_y=False, title=title)
 
 
 def _shear(seen: list[Seen], command: str) -> Plot:
@@ -168,9 +180,7 @@ def _shear(seen: list[Seen], command: str) -> Plot:
             part = middle < 2.8
             return middle[part], -tangential[part, own]
 
-        lines = tuple(s.line(*curve(s.motion)) for s in seen)
-        known = tuple(Known(n, *curve(m), style=k, points=False) for k, n, m in _known(names))
-        panels.append(Panel("Tangential force [N]", lines, known, log_y=False, title=title.capitalize()))
+        panels.append(_panel("Tangential force [N]", title.capitalize(), curve, seen, names))
     return Plot(
         name="shear",
         title="Tangential force through an oblique impact",
@@ -194,11 +204,8 @@ def _oblique(seen: list[Seen], command: str) -> Plot:
             v = separation(motion)[:, part, 1]
             return np.array(SLOPES), v[-1] / v[0]
 
-        lines = tuple(s.line(*curve(s.motion), points=True) for s in seen)
-        known = tuple(Known(n, *curve(m), style=j, points=False) for j, n, m in _known(names))
-        panels.append(
-            Panel("Tangential velocity after / before", lines, known, log_y=False, title=f"e = {e:g}, μ = 0.2")
-        )
+        title = f"e = {e:g}, μ = 0.2"
+        panels.append(_panel("Tangential velocity after / before", title, curve, seen, names, points=True))
     return Plot(
         name="oblique",
         title="Tangential rebound of oblique impacts",

@@ -5,33 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from passports import passport
 from reading import Page
 from synthetic import add_run, impact, series
 
 from dembench.reports.report import render
 from dembench.runs.directory import find_runs
 from dembench.verification.passport import measure, record
-
-
-def passport(engine: str, settings: dict[str, object]) -> record.Passport:
-    found = measure.distances(measure.predicted()["no-tension"])
-    return record.Passport(
-        engine=engine,
-        engine_version="1.0",
-        label=engine,
-        settings=settings,
-        law="",
-        date="2026-02-03",
-        fits="no-tension",
-        fits_title="Hertz-Mindlin, tension clipped",
-        distance=0.0,
-        scene_law="hertz-mindlin",
-        scene_distance=measure.together(found["hertz-mindlin"]),
-        distances=found,
-        restitution={},
-        friction={},
-        run="r",
-    )
 
 
 def test_the_law_measured_stands_beside_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,7 +29,10 @@ def test_the_law_measured_stands_beside_the_results(tmp_path: Path, monkeypatch:
         overrides={"rows": "soft", "dt": "5e-6"},
         settings=beta,
     )
-    record.keep([passport("alpha", {"dt": 1e-9}), passport("beta", {"rows": "hard"})], tmp_path / "verify")
+    record.keep(
+        [passport("alpha", "1.0", {"dt": 1e-9}, "no-tension"), passport("beta", "1.0", {"rows": "hard"}, "no-tension")],
+        tmp_path / "verify",
+    )
     page = Page(render(find_runs(runs), tmp_path / "report.html").read_text(encoding="utf-8"))
     (table,) = [rows for name, rows in page.tables.items() if name.endswith("-law")]
     heading, *rows = [[cell.text.strip() for cell in row] for row in table]
@@ -59,6 +42,6 @@ def test_the_law_measured_stands_beside_the_results(tmp_path: Path, monkeypatch:
     assert (
         float(first[1]) == pytest.approx(scene_distance, abs=5e-5)
         and "tension clipped" in first[2]
-        and first[4] == "2026-02-03"
+        and first[4] == "2026-01-01"
     )
     assert "not measured" in second[2] and "dembench passport --engines 'beta[rows=soft]'" in second[2]

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from passports import passport
 from scipy.integrate import solve_ivp
 
 from dembench.results import Result
@@ -189,24 +190,7 @@ def test_tolerances_tell_all_named_laws_apart() -> None:
 
 def test_a_passport_speaks_for_other_steps_but_not_for_other_rows(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("DEMBENCH_CACHE", str(tmp_path / "cache"))
-    found = measure.distances(measure.predicted()["rigid"])
-    one = record.Passport(
-        engine="any",
-        engine_version="1",
-        label="any[rows=rigid]",
-        settings={"dt": 1e-6, "rows": "rigid"},
-        law="",
-        date="2026-01-01",
-        fits="rigid",
-        fits_title="rigid spheres",
-        distance=0.0,
-        scene_law="hertz-mindlin",
-        scene_distance=measure.together(found["hertz-mindlin"]),
-        distances=found,
-        restitution={},
-        friction={},
-        run="r",
-    )
+    one = passport("any", "1", {"dt": 1e-6, "rows": "rigid"}, "rigid")
     file = record.keep([one], tmp_path / "verify")
     assert json.loads(file.read_text())[0]["fits"] == "rigid"
     assert record.kept("any", "1", {"dt": 1e-3, "rows": "rigid", "skin": 0.1}) == one
