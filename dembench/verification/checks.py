@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from dembench.engines.base import Division
 from dembench.results import Result
@@ -87,6 +87,23 @@ class Check:
             return f"{self.expected:.6g} within {self.tolerance:.2g}"
         sign = 1 if self.sense == "at most" else -1
         return f"{self.sense} {self.expected + sign * self.tolerance:.6g}"
+
+
+def at_most(id: str, title: str, unit: str, bound: float, source: str, *, tolerance: float = 0.0, **more: Any) -> Check:
+    """A check of an upper bound, which may be exceeded by a tolerance; `more` are further fields of `Check`."""
+    return Check(id, title, unit, bound, tolerance, source, sense="at most", **more)
+
+
+def at_least(
+    id: str, title: str, unit: str, bound: float, source: str, *, tolerance: float = 0.0, **more: Any
+) -> Check:
+    """A check of a lower bound, which may be missed by a tolerance; `more` are further fields of `Check`."""
+    return Check(id, title, unit, bound, tolerance, source, sense="at least")
+
+
+def deviation(id: str, title: str, tolerance: float, source: str, scene_law: bool = False, **more: Any) -> Check:
+    """A check that a relative deviation, zero where everything is right, is at most `tolerance` [-]."""
+    return at_most(id, title, "1", 0.0, source, tolerance=tolerance, scene_law=scene_law, scale=1.0, **more)
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,8 @@ from scipy.integrate import solve_ivp
 from dembench.results import Result
 from dembench.results.schema import SnapshotSeries
 from dembench.scene import Scene
-from dembench.verification.checks import Check, Experiment, on_one_scene
+from dembench.verification.checks import Check, Experiment, deviation, on_one_scene
 from dembench.verification.closed_forms.collisions import Contact
-from dembench.verification.closed_forms.deviations import deviation
 from dembench.verification.scenes import MOTION, Body, Kind, every, scene_of
 
 BALLS = 5

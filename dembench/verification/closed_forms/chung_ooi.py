@@ -9,9 +9,8 @@ import numpy as np
 
 from dembench.results import Result
 from dembench.scene import PairLaw
-from dembench.verification.checks import Check, Experiment, Published, on_one_scene
+from dembench.verification.checks import Check, Experiment, Published, at_most, deviation, on_one_scene
 from dembench.verification.closed_forms.collisions import SPHERE, Contact, impact
-from dembench.verification.closed_forms.deviations import deviation
 from dembench.verification.closed_forms.head_on import (
     LETTERS,
     elastic_checks,
@@ -296,29 +295,24 @@ def _small_checks() -> tuple[Check, ...]:
         deviation("CO4d", f"aluminium alloy, {sliding} spin", 0.01, coulomb),
         deviation("CO4e", f"oxide, {all_angles} tangential restitution", 0.01, law, True),
         deviation("CO4f", f"aluminium alloy, {all_angles} tangential restitution", 0.01, law, True),
-        Check(
+        deviation(
             "CO4g",
             "oxide, 5° to 35°: mean deviation of the tangential restitution from the paper",
-            "1",
-            0.0,
             0.05,
             SOURCE,
-            sense="at most",
+            True,
             kind="publication",
-            scene_law=True,
-            scale=1.0,
         ),
         deviation("IM1a", "oxide and alloy, sliding: largest deviation of the change of slip", 0.01, WALTON),
         deviation("IM3a", "pairs of oxide, sliding: largest deviation of the velocity", 0.01, WALTON),
         deviation("IM3b", "pairs of oxide, sliding: largest deviation of the spin", 0.01, WALTON),
-        Check(
+        at_most(
             "IM3c",
             "largest kinetic energy after a collision over that before",
             "1",
             1.0,
-            1e-3,
             "no contact of the scene gives energy",
-            sense="at most",
+            tolerance=1e-3,
         ),
     )
 

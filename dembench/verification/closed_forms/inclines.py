@@ -10,9 +10,8 @@ import numpy as np
 
 from dembench.results import Result
 from dembench.scene import Scene
-from dembench.verification.checks import Check, Experiment, on_one_scene
+from dembench.verification.checks import Check, Experiment, deviation, on_one_scene
 from dembench.verification.closed_forms.collisions import SPHERE, Contact
-from dembench.verification.closed_forms.deviations import deviation
 from dembench.verification.scenes import MOTION, Body, Kind, every, floor, scene_of
 
 GRAVITY, RADIUS = 9.81, 5e-4

@@ -10,9 +10,8 @@ from scipy.optimize import brentq
 
 from dembench.results import Result
 from dembench.scene import LinearSpring, Scene
-from dembench.verification.checks import Check, Experiment, on_one_scene
+from dembench.verification.checks import Check, Experiment, deviation, on_one_scene
 from dembench.verification.closed_forms import chains
-from dembench.verification.closed_forms.deviations import deviation
 from dembench.verification.closed_forms.oblique import COULOMB, about_contact, from_coulomb
 from dembench.verification.closed_forms.volleys import Volley, angles
 from dembench.verification.scenes import MOTION, Body, Kind, every, floor, scene_of

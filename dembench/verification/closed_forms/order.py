@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from dembench.results import Result
-from dembench.verification.checks import Check, Experiment, Tier, Trial
+from dembench.verification.checks import Check, Experiment, Tier, Trial, at_least, deviation
 from dembench.verification.precision import problems
 
 STEPS = (25, 50, 100, 200)
@@ -71,35 +71,13 @@ def experiments() -> tuple[Experiment, ...]:
     """
     verlet = "second order of velocity Verlet"
     elastic = (
-        Check(
-            "SR14a", "elastic collisions: order of the error of the duration", "1", 2.0, 0.2, verlet, sense="at least"
-        ),
-        Check(
-            "SR14b",
-            "elastic collisions: error of the duration at 200 steps",
-            "1",
-            0.0,
-            1e-3,
-            verlet,
-            sense="at most",
-            scale=1.0,
-        ),
+        at_least("SR14a", "elastic collisions: order of the error of the duration", "1", 2.0, verlet, tolerance=0.2),
+        deviation("SR14b", "elastic collisions: error of the duration at 200 steps", 1e-3, verlet),
     )
     first = "at least first order with a dashpot"
     damped = (
-        Check(
-            "SR14c", "damped collisions: order of the error of the restitution", "1", 1.0, 0.15, first, sense="at least"
-        ),
-        Check(
-            "SR14d",
-            "damped collisions: error of the restitution at 200 steps",
-            "1",
-            0.0,
-            0.02,
-            first,
-            sense="at most",
-            scale=1.0,
-        ),
+        at_least("SR14c", "damped collisions: order of the error of the restitution", "1", 1.0, first, tolerance=0.15),
+        deviation("SR14d", "damped collisions: error of the restitution at 200 steps", 0.02, first),
     )
     return (
         _experiment("elastic", "Elastic collisions with steps that are halved", 1.0, elastic, "default"),

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from dembench.results import Result
 from dembench.scene import Clump, Scene
-from dembench.verification.checks import Experiment, on_one_scene
-from dembench.verification.closed_forms.deviations import deviation
+from dembench.verification.checks import Experiment, deviation, on_one_scene
 from dembench.verification.scenes import MOTION, Body, Kind, every, scene_of
 
 RADIUS = 1e-3

@@ -8,9 +8,8 @@ import numpy as np
 
 from dembench.results import Result
 from dembench.scene import Rigid
-from dembench.verification.checks import Experiment, on_one_scene
+from dembench.verification.checks import Experiment, deviation, on_one_scene
 from dembench.verification.closed_forms.collisions import SLIP
-from dembench.verification.closed_forms.deviations import deviation
 from dembench.verification.closed_forms.oblique import push, turn
 from dembench.verification.closed_forms.volleys import Volley, angles
 from dembench.verification.scenes import Kind

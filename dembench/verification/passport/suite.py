@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dembench.results import Result
-from dembench.verification.checks import Check, Suite, on_one_scene
+from dembench.verification.checks import Check, Suite, deviation, on_one_scene
 from dembench.verification.passport.laws import LAWS, SCENE_LAW
 from dembench.verification.passport.measure import (
     ASPECTS,
@@ -83,14 +83,17 @@ def _rolling_checks() -> tuple[Check, ...]:
 
 
 def _checks() -> tuple[Check, ...]:
-    def distance(id: str, title: str, own: bool, tolerance: float = TOLERANCE) -> Check:
-        return Check(id, title, "1", 0.0, tolerance, SOURCE, sense="at most", scene_law=own, scale=1.0)
-
     return (
-        distance("LP0", "distance to the nearest named law", False),
-        distance("LP1", f"distance to the scene's law: {SCENE_LAW.title}", True),
+        deviation("LP0", "distance to the nearest named law", TOLERANCE, SOURCE),
+        deviation("LP1", f"distance to the scene's law: {SCENE_LAW.title}", TOLERANCE, SOURCE, True),
         *(
-            distance(f"LP1-{a.name}", f"distance to it in {a.title}", True, SLIP_TOLERANCE if a.slips else TOLERANCE)
+            deviation(
+                f"LP1-{a.name}",
+                f"distance to it in {a.title}",
+                SLIP_TOLERANCE if a.slips else TOLERANCE,
+                SOURCE,
+                True,
+            )
             for a in ASPECTS
         ),
     )

@@ -9,10 +9,9 @@ import numpy as np
 
 from dembench.results import Result
 from dembench.scene import Overlap, Plane, Scene
-from dembench.verification.checks import Experiment, Trial, on_one_scene
+from dembench.verification.checks import Experiment, Trial, at_most, on_one_scene
 from dembench.verification.scenes import MOTION, WALL, Body, Kind, every, scene_of
 from dembench.verification.stability.common import (
-    at_most,
     contact_time,
     fitted,
     impact_overlap,

@@ -12,10 +12,9 @@ from scipy.integrate import solve_ivp
 from dembench.results import Result
 from dembench.scene import Domain, Plane, Rigid, Scene
 from dembench.scene.materials import Law
-from dembench.verification.checks import Check, Experiment, on_one_scene
+from dembench.verification.checks import Check, Experiment, at_most, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, scene_of
 from dembench.verification.stability.common import (
-    at_most,
     changed,
     closed_step,
     contact_time,

@@ -1,4 +1,4 @@
-"""What the sections of the catalogue share: bounds, lattices, Hertz's closed forms and simple measures."""
+"""What the sections of the catalogue share: lattices, Hertz's closed forms and simple measures."""
 
 from __future__ import annotations
 
@@ -11,24 +11,10 @@ import numpy as np
 from dembench.results import Result
 from dembench.results.schema import SnapshotSeries
 from dembench.scene import Domain, Scene
-from dembench.verification.checks import Check
 from dembench.verification.scenes import MOTION, Kind
 
 CONTACT_TIME = 2.9432
 """Contact time of Hertz's elastic impact in largest overlaps over speed of approach [-]."""
-
-
-# ---- checks
-
-
-def at_most(id: str, title: str, unit: str, bound: float, source: str, **more: Any) -> Check:
-    """A check of an upper bound."""
-    return Check(id, title, unit, bound, 0.0, source, sense="at most", **more)
-
-
-def at_least(id: str, title: str, unit: str, bound: float, source: str, **more: Any) -> Check:
-    """A check of a lower bound."""
-    return Check(id, title, unit, bound, 0.0, source, sense="at least", **more)
 
 
 # ---- Hertz's contact of two alike spheres, or of one on an unyielding wall

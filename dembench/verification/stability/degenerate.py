@@ -11,9 +11,9 @@ import numpy as np
 from dembench.results import Result
 from dembench.scene import Box, Clump, Cylinder, Domain, Mesh, Plane, Rigid, Scene
 from dembench.scene.materials import Law
-from dembench.verification.checks import Experiment, Trial, on_one_scene
+from dembench.verification.checks import Experiment, Trial, at_least, at_most, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, floor, scene_of
-from dembench.verification.stability.common import at_least, at_most, changed, closed_step, lattice, motion, rayleigh
+from dembench.verification.stability.common import changed, closed_step, lattice, motion, rayleigh
 
 RADIUS = 1e-3
 G = 9.81

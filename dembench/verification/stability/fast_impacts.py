@@ -13,11 +13,9 @@ from dembench.results import Result
 from dembench.scene import Box, Constraint, Domain, ElasticEnergy, Motion, Plane, Rigid, Scene, Sdf
 from dembench.scene.materials import Law
 from dembench.scene.walls import WallShape
-from dembench.verification.checks import Check, Experiment, Trial, on_one_scene
+from dembench.verification.checks import Check, Experiment, Trial, at_least, at_most, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, floor, scene_of
 from dembench.verification.stability.common import (
-    at_least,
-    at_most,
     changed,
     closed_step,
     contact_time,

@@ -12,11 +12,9 @@ from scipy.optimize import curve_fit
 from dembench.results import Result
 from dembench.scene import Cylinder, Domain, Motion, Plane, Rigid, Scene
 from dembench.scene.materials import Law
-from dembench.verification.checks import Check, Experiment, Trial, on_one_scene
+from dembench.verification.checks import Check, Experiment, Trial, at_least, at_most, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, scene_of
 from dembench.verification.stability.common import (
-    at_least,
-    at_most,
     changed,
     closed_step,
     contact_time,

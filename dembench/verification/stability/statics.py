@@ -12,10 +12,9 @@ from scipy.spatial import cKDTree
 from dembench.results import Result
 from dembench.scene import Bodies, Box, Clump, Constraint, Mesh, Motion, Plane, Rigid, Scene, WallForce
 from dembench.scene.materials import Law
-from dembench.verification.checks import Check, Experiment, Trial, on_one_scene
+from dembench.verification.checks import Check, Experiment, Trial, at_most, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, floor, scene_of
 from dembench.verification.stability.common import (
-    at_most,
     changed,
     fitted,
     lattice,

@@ -10,11 +10,9 @@ import numpy as np
 
 from dembench.results import Result
 from dembench.scene import Domain, Scene
-from dembench.verification.checks import Check, Experiment, Trial
+from dembench.verification.checks import Check, Experiment, Trial, at_least, at_most
 from dembench.verification.scenes import Body, Kind, scene_of
 from dembench.verification.stability.common import (
-    at_least,
-    at_most,
     changed,
     closed_step,
     contact_time,

@@ -12,10 +12,9 @@ import numpy as np
 from dembench.results import Result
 from dembench.scene import Cylinder, Domain, Motion, Plane, Rigid, Scene, Sdf
 from dembench.scene.materials import Law
-from dembench.verification.checks import Experiment, Trial, on_one_scene
+from dembench.verification.checks import Experiment, Trial, at_most, on_one_scene
 from dembench.verification.scenes import WALL, Body, Kind, every, scene_of
 from dembench.verification.stability.common import (
-    at_most,
     changed,
     fitted,
     motion,

@@ -12,7 +12,7 @@ from scipy.optimize import curve_fit
 from dembench.results import Result
 from dembench.scene import Bodies, Cylinder, Domain, Material, PairLaw, Plane, Scene, Snapshot, Species, WallForce
 from dembench.scene.wall import Motion
-from dembench.verification.checks import Check, Experiment, Trial
+from dembench.verification.checks import Check, Experiment, Trial, at_most
 from dembench.verification.statistical.beds import (
     DENSITY,
     GRAVITY,
@@ -129,15 +129,13 @@ def experiment() -> Experiment:
         _measure,
         (
             Check("BK1a", "Janssen: ratio K of the pressures", "1", 0.75, 0.25, f"{source}; K of 0.5 to 1"),
-            Check("BK1b", "Janssen: largest deviation from the law", "1", 0.0, 0.05, source, sense="at most"),
-            Check(
+            at_most("BK1b", "Janssen: largest deviation from the law", "1", 0.0, source, tolerance=0.05),
+            at_most(
                 "BK1c",
                 "Janssen: share of the weight on the floor at three diameters",
                 "1",
                 0.6,
-                0.0,
                 "saturation; it is 1 without friction at the wall",
-                sense="at most",
             ),
         ),
         tier="statistical",
