@@ -68,7 +68,7 @@ def _law(degrees: np.ndarray) -> np.ndarray:
     """Tangential restitution of the oxide under the scene's law for some angles [degrees], shape (n,)."""
     speed = chung_ooi.SMALL_SPEED * np.cos(np.radians(degrees))
     along = chung_ooi.SMALL_SPEED * np.sin(np.radians(degrees))
-    found = impacts(Contact.with_wall(chung_ooi.GRAINS["oxide"]), speed, along)
+    found = impacts([Contact.with_wall(chung_ooi.GRAINS["oxide"])] * len(degrees), speed, along)
     return np.array([1 - one.push / v for one, v in zip(found, along, strict=True)])
 
 

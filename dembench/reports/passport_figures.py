@@ -10,7 +10,6 @@ import numpy as np
 from dembench.reports.looks import look
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.runs.directory import RunRecord
-from dembench.verification.passport.laws import Motion
 from dembench.verification.passport.measure import (
     forces,
     friction,
@@ -22,6 +21,7 @@ from dembench.verification.passport.measure import (
     scene,
     separation,
 )
+from dembench.verification.passport.pairs import Motion
 from dembench.verification.passport.scenes import RESTITUTIONS, SLOPES, of_family
 
 SHORT = {

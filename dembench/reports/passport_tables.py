@@ -12,7 +12,7 @@ from dembench.reports.svg import variable
 from dembench.reports.tables import Cell, Column, Table, significant
 from dembench.runs.directory import RunRecord
 from dembench.scene import HertzMindlin
-from dembench.verification.passport.laws import LAWS
+from dembench.verification.laws import LAWS
 from dembench.verification.passport.measure import ASPECTS, together
 from dembench.verification.passport.record import Passport, kept, passports
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dembench.verification.passport import laws, measure, record
+from dembench.verification import laws
+from dembench.verification.passport import measure, record
 
 
 def passport(engine: str, version: str, settings: dict[str, object], law: str) -> record.Passport:

@@ -13,8 +13,9 @@ from scipy.integrate import solve_ivp
 
 from dembench.results import Result
 from dembench.results.schema import SnapshotSeries
+from dembench.verification.laws import LAWS, NamedLaw
 from dembench.verification.passport import measure, record, scenes
-from dembench.verification.passport.laws import LAWS, Motion, NamedLaw, clipped_restitution, motions
+from dembench.verification.passport.pairs import Motion, clipped_restitution, motions
 from dembench.verification.passport.suite import SLIP_TOLERANCE, TOLERANCE, suite
 from dembench.verification.rows import measured
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from dembench.verification.closed_forms.collisions import SLIP, SPHERE, impact
+from dembench.verification.closed_forms.collisions import SLIP, SPHERE, impacts
 from dembench.verification.closed_forms.volleys import Outcome, Shot
 from dembench.verification.scenes import Kind
 
@@ -50,9 +50,15 @@ def from_coulomb(seen: Seen, kinds: Mapping[str, Kind], what: str) -> float:
 
 def from_law(seen: Seen, kinds: Mapping[str, Kind], scale: Callable[[Shot], float]) -> float:
     """Largest deviation of tangential velocities from those of the scene's law, in a scale [m/s] of each shot [-]."""
+    shots, outcomes = zip(*seen, strict=True)
+    known = impacts(
+        [shot.contact(kinds) for shot in shots],
+        np.array([shot.speed for shot in shots]),
+        np.array([shot.slip(kinds) for shot in shots]),
+    )
     return max(
-        abs(push(shot, outcome) - impact(shot.contact(kinds), shot.speed, shot.slip(kinds)).push) / scale(shot)
-        for shot, outcome in seen
+        abs(push(shot, outcome) - one.push) / scale(shot)
+        for shot, outcome, one in zip(shots, outcomes, known, strict=True)
     )
 
 

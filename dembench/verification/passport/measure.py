@@ -10,8 +10,9 @@ import numpy as np
 
 from dembench.results import Result
 from dembench.scene import Scene
+from dembench.verification.laws import LAWS, NamedLaw
 from dembench.verification.passport import scenes
-from dembench.verification.passport.laws import LAWS, Motion, NamedLaw, Pairs, motions
+from dembench.verification.passport.pairs import Motion, Pairs, motions
 from dembench.verification.passport.scenes import MOTION, of_family
 
 SUBSTEPS = 4

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from dembench.initial.cache import cache_directory
 from dembench.runs.directory import RunRecord
 from dembench.scene.base import Model
-from dembench.verification.passport.laws import LAWS, SCENE_LAW
+from dembench.verification.laws import LAWS, SCENE_LAW
 from dembench.verification.passport.measure import (
     distances,
     friction,

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from dembench.scene import Bodies, Domain, Material, PairLaw, Scene, Snapshot, Species
-from dembench.verification.passport.laws import Pairs
+from dembench.verification.passport.pairs import Pairs
 
 RADIUS = 0.01
 SPEED = 1.0

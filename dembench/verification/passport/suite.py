@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from dembench.results import Result
 from dembench.verification.checks import Check, Suite, deviation, on_one_scene
-from dembench.verification.passport.laws import LAWS, SCENE_LAW
+from dembench.verification.laws import LAWS, SCENE_LAW
 from dembench.verification.passport.measure import (
     ASPECTS,
     distances,
