@@ -1,1 +1,1 @@
-"""The suite of bulk behaviour that only ensembles show: cooling, packing, weight in silos."""
+"""The suite of bulk behaviour that only ensembles show: cooling, packing, silos, heaps, collapse, flow on inclines."""

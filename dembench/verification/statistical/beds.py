@@ -9,14 +9,10 @@ from functools import partial
 import numpy as np
 
 from dembench.results import Result
-from dembench.scene import Bodies, Domain, Material, PairLaw, Plane, Scene, Snapshot, Species
+from dembench.scene import Domain, Plane, Scene, Snapshot
 from dembench.verification.checks import Check, Experiment, Trial
+from dembench.verification.statistical.grains import RADIUS, SPACING, of_grains
 
-RADIUS, DENSITY, YOUNG, POISSON, RESTITUTION = 1e-3, 2500.0, 1e7, 0.25, 0.5
-"""Grains softer than glass by 6000 so that a step is 1e-5 s; under a bed of 20 layers they overlap by 0.1 %."""
-STEP, GRAVITY = 1e-5, 9.81
-SPACING = 2.3
-"""Distance of grains before they fall, in radii."""
 WIDTH, LAYERS, POURING = 10, 18, 0.6
 """Grains along an edge of the poured bed, their layers, and the time in which it comes to rest [s]."""
 SEEDS = range(3)
@@ -36,31 +32,8 @@ def poured(kind: str, seed: int) -> Scene:
     size = WIDTH * pitch
     floor = Plane(name="floor", material="solid", point=(0, 0, 0), normal=(0, 0, 1))
     domain = Domain(lower=(0, 0, -2 * RADIUS), upper=(size, size, 2 * LAYERS * pitch), periodic=(True, True, False))
-    return _scene(f"poured_{kind}", FRICTIONS[kind][0], position, velocity, (floor,), domain, POURING)
-
-
-def _scene(
-    name: str,
-    friction: float,
-    position: np.ndarray,
-    velocity: np.ndarray,
-    walls: tuple[Plane, ...],
-    domain: Domain,
-    duration: float,
-) -> Scene:
-    return Scene(
-        name=name,
-        materials=(Material(name="solid", density=DENSITY, young=YOUNG, poisson=POISSON),),
-        pair_laws=(PairLaw(a="solid", b="solid", restitution=RESTITUTION, friction=friction),),
-        species=(Species(name="grain", material="solid", radius=RADIUS),),
-        walls=walls,
-        bodies=Bodies(position=position, velocity=velocity),
-        domain=domain,
-        gravity=(0, 0, -GRAVITY),
-        duration=duration,
-        time_step=STEP,
-        observables=(Snapshot(name="end", times=(duration,)),),
-    )
+    end = (Snapshot(name="end", times=(POURING,)),)
+    return of_grains(f"poured_{kind}", FRICTIONS[kind][0], position, (floor,), domain, POURING, end, velocity=velocity)
 
 
 def solid_fraction(height: np.ndarray, radius: float, area: float, low: float, high: float) -> float:

@@ -10,19 +10,10 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 from dembench.results import Result
-from dembench.scene import Bodies, Cylinder, Domain, Material, PairLaw, Plane, Scene, Snapshot, Species, WallForce
+from dembench.scene import Cylinder, Domain, Plane, Scene, Snapshot, WallForce
 from dembench.scene.wall import Motion
 from dembench.verification.checks import Check, Experiment, Trial, at_most
-from dembench.verification.statistical.beds import (
-    DENSITY,
-    GRAVITY,
-    POISSON,
-    RADIUS,
-    RESTITUTION,
-    SPACING,
-    STEP,
-    YOUNG,
-)
+from dembench.verification.statistical.grains import GRAVITY, MASS, RADIUS, SPACING, column, of_grains
 
 SLEEVE, FRICTION, LIFT_SPEED = 12.0, 0.5, 5e-3
 """Radius of the sleeve in radii of grains, friction of everything, speed with which the sleeve moves up [m/s]."""
@@ -31,18 +22,12 @@ LAYERS = (21, 42, 63)
 DURATION, AVERAGED, INTERVAL = 0.7, 0.1, 5e-3
 """End of a run, its last part in which the force is averaged, and time between two records [s]."""
 SEEDS = range(3)
-MASS = 4 / 3 * math.pi * RADIUS**3 * DENSITY
 
 
 def scene(layers: int, seed: int) -> Scene:
     """Grains that fall from a loose lattice into a sleeve on a floor."""
-    generator = np.random.default_rng(seed)
-    pitch, radius = SPACING * RADIUS, SLEEVE * RADIUS
-    reach = math.floor(radius / pitch)
-    across = np.arange(-reach, reach + 1)
-    places = np.stack(np.meshgrid(across, across, np.arange(layers)), axis=-1).reshape(-1, 3) * pitch
-    places = places[np.hypot(places[:, 0], places[:, 1]) < radius - 1.15 * RADIUS] + [0, 0, 0.5 * pitch]
-    low, high = -8 * RADIUS, (layers + 2) * pitch
+    radius = SLEEVE * RADIUS
+    low, high = -8 * RADIUS, (layers + 2) * (SPACING * RADIUS)
     walls = (
         Plane(name="floor", material="solid", point=(0, 0, 0), normal=(0, 0, 1)),
         Cylinder(
@@ -55,21 +40,14 @@ def scene(layers: int, seed: int) -> Scene:
         ),
     )
     room = 1.5 * radius
-    return Scene(
-        name="janssen",
-        materials=(Material(name="solid", density=DENSITY, young=YOUNG, poisson=POISSON),),
-        pair_laws=(PairLaw(a="solid", b="solid", restitution=RESTITUTION, friction=FRICTION),),
-        species=(Species(name="grain", material="solid", radius=RADIUS),),
-        walls=walls,
-        bodies=Bodies(position=places + generator.uniform(-0.1, 0.1, places.shape) * RADIUS),
-        domain=Domain(lower=(-room, -room, 1.5 * low), upper=(room, room, high + LIFT_SPEED * DURATION + 2 * RADIUS)),
-        gravity=(0, 0, -GRAVITY),
-        duration=DURATION,
-        time_step=STEP,
-        observables=(
-            WallForce(name="weight", wall="floor", interval=INTERVAL),
-            Snapshot(name="end", times=(DURATION,)),
-        ),
+    return of_grains(
+        "janssen",
+        FRICTION,
+        column(radius, layers, np.random.default_rng(seed)),
+        walls,
+        Domain(lower=(-room, -room, 1.5 * low), upper=(room, room, high + LIFT_SPEED * DURATION + 2 * RADIUS)),
+        DURATION,
+        (WallForce(name="weight", wall="floor", interval=INTERVAL), Snapshot(name="end", times=(DURATION,))),
     )
 
 
