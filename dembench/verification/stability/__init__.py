@@ -10,12 +10,13 @@ from dembench.verification.stability import (
     degenerate,
     fast_impacts,
     gas,
+    limits,
     statics,
     stiffness,
     walls,
 )
 
-SECTIONS = (stiffness, contrast, fast_impacts, gas, degenerate, statics, chains, walls, audits)
+SECTIONS = (stiffness, contrast, fast_impacts, limits, gas, degenerate, statics, chains, walls, audits)
 
 NOT_POSED = {
     "D11, D21": "a scene refuses starts that overlap by more than 1 %",
