@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +12,8 @@ from typing import Any
 
 import numpy as np
 import pooch
+
+from dembench.atomic import replacing
 
 
 def cache_directory() -> Path:
@@ -62,14 +63,8 @@ def load(path: Path) -> tuple[np.ndarray, dict[str, Any]]:
 def store(path: Path, inputs: dict[str, Any], array: np.ndarray) -> None:
     """Writes an array with what it was made from; the file appears when it is complete."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, temporary = tempfile.mkstemp(prefix=path.stem, suffix=".tmp", dir=path.parent)
-    try:
-        with os.fdopen(descriptor, "wb") as stream:
-            np.savez_compressed(stream, array=array, inputs=np.array(_text(inputs)))
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
+        np.savez_compressed(stream, array=array, inputs=np.array(_text(inputs)))
 
 
 def _text(inputs: dict[str, Any]) -> str:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
+from dembench.atomic import write_text
 from dembench.regression import RegressionError
 from dembench.regression.metrics import Key, Kind, Tolerance, Worse
 from dembench.scene.base import Finite, Model, NotNegative
@@ -152,6 +152,4 @@ def load(path: Path) -> Baseline:
 def save(baseline: Baseline, path: Path) -> None:
     """Writes a baseline, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(baseline.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
+    write_text(path, baseline.model_dump_json(indent=1) + "\n")

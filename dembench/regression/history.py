@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import fcntl
 import io
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, fields
@@ -13,6 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from dembench.atomic import write_text
 from dembench.regression import RegressionError
 from dembench.regression.gather import Gathered
 from dembench.regression.intervals import Kind
@@ -109,9 +109,7 @@ def add(directory: Path, lines: Sequence[Line]) -> int:
             text = io.StringIO()
             writer = csv.writer(text, lineterminator="\n")
             writer.writerows([COLUMNS, *(astuple(line) for line in (*before, *new))])
-            temporary = directory / f".{FILE}.tmp"
-            temporary.write_text(text.getvalue(), encoding="utf-8")
-            os.replace(temporary, directory / FILE)
+            write_text(directory / FILE, text.getvalue())
     return len(new)
 
 

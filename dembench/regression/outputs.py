@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
+from dembench.atomic import write_text
 from dembench.regression.compare import Comparison
 from dembench.regression.metrics import margin_text
 from dembench.regression.verdicts import Verdict, counts
@@ -24,9 +24,7 @@ def write(text: str, path: Path) -> None:
             stream.write(text)
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    write_text(path, text)
 
 
 def junit(verdicts: Sequence[Verdict]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import h5py
 import numpy as np
 
 from dembench import __version__
+from dembench.atomic import replacing
 from dembench.results.read import Result
 from dembench.results.schema import H5MD_VERSION, PARTICLE_UNITS, RECORDS, TIME_UNIT, VERSION, Observed, SnapshotSeries
 from dembench.scene import Scene
@@ -22,20 +22,15 @@ def write(result: Result, path: Path) -> None:
     The layout is that of H5MD 1.1 (de Buyl, Colberg & Hoefling 2014, doi 10.1016/j.cpc.2014.01.018), with the group
     `/dembench` beside it.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with h5py.File(temporary, "w") as file:
-            _h5md(file)
-            series = file.create_group("observables")
-            for name, observed in result.observables.items():
-                _observable(series.create_group(name), observed)
-            particles = file.create_group("particles")
-            for name, snapshots in result.snapshots.items():
-                _particles(particles.create_group(name), result.scene, snapshots)
-            _own(file.create_group("dembench"), result)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with replacing(path) as temporary, h5py.File(temporary, "w") as file:
+        _h5md(file)
+        series = file.create_group("observables")
+        for name, observed in result.observables.items():
+            _observable(series.create_group(name), observed)
+        particles = file.create_group("particles")
+        for name, snapshots in result.snapshots.items():
+            _particles(particles.create_group(name), result.scene, snapshots)
+        _own(file.create_group("dembench"), result)
 
 
 def _h5md(file: h5py.File) -> None:

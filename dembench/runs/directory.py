@@ -18,6 +18,7 @@ from typing import Any
 import psutil
 from pydantic import ValidationError
 
+from dembench.atomic import write_json
 from dembench.results import Result, ResultError, read
 from dembench.runs.spec import RunSpec
 from dembench.runs.states import RESUMED, Status
@@ -93,7 +94,7 @@ class RunDirectory:
     def watch(self, engine: int) -> None:
         """Notes the process that carries the engine, which may outlive this one by some seconds."""
         owner = json.loads((self.path / "supervisor.json").read_text())
-        self._write("supervisor.json", {**owner, "engine": _identity(psutil.Process(engine))})
+        write_json(self.path / "supervisor.json", {**owner, "engine": _identity(psutil.Process(engine))})
 
     def supervisor(self) -> int | None:
         """Process id of the supervisor that works here, or None where there is none or it is gone."""
@@ -106,11 +107,11 @@ class RunDirectory:
         file = self.path / "environment.json"
         if file.exists():
             os.replace(file, self.path / f"environment-{len(list(self.path.glob('environment-*.json'))) + 1}.json")
-        self._write("environment.json", environment)
+        write_json(self.path / "environment.json", environment)
 
     def write_status(self, status: Status) -> None:
         """Writes `status.json`: the run has ended."""
-        self._write("status.json", status.plain())
+        write_json(self.path / "status.json", status.plain())
 
     def spec(self) -> RunSpec:
         """The spec; ValueError or OSError where there is none."""
@@ -154,8 +155,8 @@ class RunDirectory:
             yield
 
     def _own(self, spec: RunSpec) -> None:
-        self._write("supervisor.json", _identity(psutil.Process()))
-        self._write("spec.json", {**spec.model_dump(mode="json"), "hash": spec.digest()})
+        write_json(self.path / "supervisor.json", _identity(psutil.Process()))
+        write_json(self.path / "spec.json", {**spec.model_dump(mode="json"), "hash": spec.digest()})
 
     def _owner(self) -> dict[str, Any]:
         """What `supervisor.json` says; empty where it says nothing."""
@@ -174,11 +175,6 @@ class RunDirectory:
             raise Occupied(f"{self.path}: process {engine} of an earlier attempt does not end") from None
         except psutil.Error:
             pass
-
-    def _write(self, name: str, data: dict[str, Any]) -> None:
-        temporary = self.path / f".{name}.tmp"
-        temporary.write_text(json.dumps(data, indent=1) + "\n")
-        os.replace(temporary, self.path / name)
 
 
 def _identity(process: psutil.Process) -> dict[str, Any]:

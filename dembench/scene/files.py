@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import zipfile
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
+from dembench.atomic import replacing, write_json
 from dembench.scene.bodies import Bodies
 from dembench.scene.scene import Scene
 
@@ -41,13 +41,9 @@ def save_scene(scene: Scene, path: Path) -> None:
         beside.update(scene.bodies.arrays())
         data["bodies"] = {"file": store.name, "sha256": scene.bodies.digest()}
     if beside:
-        temporary = store.with_name(store.name + ".tmp")
-        with open(temporary, "wb") as stream:
+        with replacing(store) as temporary, open(temporary, "wb") as stream:
             np.savez(stream, allow_pickle=False, **beside)
-        os.replace(temporary, store)
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(json.dumps(data, indent=1))
-    os.replace(temporary, path)
+    write_json(path, data)
 
 
 def load_scene(path: Path) -> Scene:

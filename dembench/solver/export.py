@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import csv
-import os
 from pathlib import Path
 from typing import Any
 
+from dembench.atomic import replacing
 from dembench.vtkhdf import append_vtkhdf
 
 COLUMNS = {"position": "m", "velocity": "m/s", "angular_velocity": "rad/s"}
@@ -18,12 +18,10 @@ def write_csv(path: Path, simulation: Any) -> None:
     titles += [f"{name}_{axis} [{unit}]" for name, unit in COLUMNS.items() for axis in "xyz"]
     columns = [simulation.ids, simulation.species, simulation.radii]
     columns += [column for name in COLUMNS for column in getattr(simulation, name).T]
-    temporary = path.with_name(path.name + ".tmp")
-    with open(temporary, "w", newline="") as stream:
+    with replacing(path) as temporary, open(temporary, "w", newline="") as stream:
         table = csv.writer(stream)
         table.writerow(titles)
         table.writerows(zip(*(column.tolist() for column in columns), strict=True))
-    os.replace(temporary, path)
 
 
 def write_vtkhdf(path: Path, simulation: Any) -> None:

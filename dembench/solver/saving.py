@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +18,7 @@ import numpy as np
 import warp as wp
 
 import dembench
+from dembench.atomic import replacing
 from dembench.scene import Scene, SceneError, scene_from
 from dembench.solver.guard import SolverError
 
@@ -31,10 +31,8 @@ def write_state(path: Path, root: Any, scene: Scene, settings: dict[str, Any]) -
     arrays = {f"bodies/{name}": array for name, array in scene.bodies.arrays().items()}
     for key, _owner, _name, value in _leaves(root, "state"):
         arrays[key] = value.numpy() if isinstance(value, wp.array) else np.asarray(value)
-    temporary = path.with_name(path.name + ".tmp")
-    with open(temporary, "wb") as stream:
+    with replacing(path) as temporary, open(temporary, "wb") as stream:
         np.savez(stream, allow_pickle=False, header=np.array(json.dumps(header)), **arrays)
-    os.replace(temporary, path)
 
 
 def read_state(path: Path) -> tuple[Scene, dict[str, Any], dict[str, np.ndarray]]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from dembench import plugins
+from dembench.atomic import replacing
 from dembench.initial.formats import (
     arrays,
     coordinates,
@@ -122,13 +122,10 @@ def write(state: State, path: Path, known: Format | None = None) -> None:
         raise CoordinatesError(
             f"{path}: {known.name} has no place for {', '.join(lost)}, only for {places}; --drop {','.join(lost)}"
         )
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        known.write(state, temporary)
-        os.replace(temporary, path)
+        with replacing(path) as temporary:
+            known.write(state, temporary)
     except StateError as error:
         raise CoordinatesError(f"{path}: {known.name}: {error}") from None
     except OSError as error:
         raise CoordinatesError(f"{path}: cannot be written: {error.strerror}") from None
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from dembench.atomic import write_json
 from dembench.runs.directory import now
 from dembench.scene.base import Model
 from dembench.verification.maps.breaking import Class
@@ -210,10 +209,8 @@ def _guard(search: Search) -> Guard:
 
 
 def write(found: Maps, directory: Path) -> Path:
-    """Writes `map.json` into a directory; the old one stands until the new one is whole."""
+    """Writes `map.json` into a directory."""
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / FILE
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(json.dumps(found.model_dump(mode="json"), indent=1) + "\n")
-    os.replace(temporary, path)
+    write_json(path, found.model_dump(mode="json"))
     return path

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from dembench.atomic import write_json, write_text
 from dembench.initial.cache import cache_directory
 from dembench.runs.directory import RunRecord
 from dembench.scene.base import Model
@@ -133,9 +132,11 @@ def passports(runs: Sequence[RunRecord]) -> list[Passport]:
 def keep(made: Sequence[Passport], directory: Path) -> Path:
     """Writes passports into one file of a directory, and each into the user's cache."""
     for one in made:
-        _write(_shelf() / f"{one.engine}-{one.key()}.json", one.model_dump_json(indent=1))
+        _shelf().mkdir(parents=True, exist_ok=True)
+        write_text(_shelf() / f"{one.engine}-{one.key()}.json", one.model_dump_json(indent=1) + "\n")
     path = directory / FILE
-    _write(path, json.dumps([one.model_dump(mode="json") for one in made], indent=1))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_json(path, [one.model_dump(mode="json") for one in made])
     return path
 
 
@@ -159,12 +160,3 @@ def _shelf() -> Path:
 
 def _kinds(settings: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in settings.items() if isinstance(value, str | bool)}
-
-
-def _write(path: Path, text: str) -> None:
-    """Writes a text; the file appears when it is complete."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, temporary = tempfile.mkstemp(prefix=f".{path.stem}", suffix=".tmp", dir=path.parent)
-    with os.fdopen(descriptor, "w") as stream:
-        stream.write(text + "\n")
-    os.replace(temporary, path)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import os
 import warnings
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, ValidationError
 
+from dembench.atomic import write_json
 from dembench.scene.base import Model
 
 FILE = "sweep.json"
@@ -205,12 +204,10 @@ class Sweep(Model):
 
 
 def write(sweep: Sweep, directory: Path) -> Path:
-    """Writes `sweep.json` into a directory; the old one stands until the new one is whole."""
+    """Writes `sweep.json` into a directory."""
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / FILE
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(json.dumps(sweep.model_dump(mode="json"), indent=1) + "\n")
-    os.replace(temporary, path)
+    write_json(path, sweep.model_dump(mode="json"))
     return path
 
 
