@@ -56,8 +56,10 @@ def load(path: Path) -> tuple[np.ndarray, dict[str, Any]]:
     try:
         with np.load(path, allow_pickle=False) as stored:
             return stored["array"], json.loads(str(stored["inputs"]))
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path}: no packing made by dembench: {error}") from None
+    except FileNotFoundError:
+        raise ValueError("there is no such file") from None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        raise ValueError("it is damaged, cut off or another program's") from None
 
 
 def store(path: Path, inputs: dict[str, Any], array: np.ndarray) -> None:

@@ -132,6 +132,8 @@ def _hdf5(path: Path) -> dict[str, np.ndarray]:
             if "dembench" in file:
                 raise ForeignError(f"{path}: is a result of this program; put its run directory among the runs")
             file.visititems(visit)
-    except OSError as error:
-        raise ForeignError(f"{path}: no readable HDF5 file: {error}") from None
+    except (OSError, RuntimeError):
+        raise ForeignError(
+            f"{path}: no readable HDF5 file: it is damaged or cut off; give one that its program has closed"
+        ) from None
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -74,11 +75,8 @@ def read(path: Path) -> Result:
     Raises:
         ResultError: The file cannot be read as a result; the message says what is wrong.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            return _read(file, path)
-    except (OSError, KeyError, ValueError) as error:
-        raise ResultError(f"{path}: no readable result: {error}") from None
+    with opened(path) as file:
+        return _read(file, path)
 
 
 def read_records(path: Path) -> dict[str, dict[str, Any]]:
@@ -87,11 +85,32 @@ def read_records(path: Path) -> dict[str, dict[str, Any]]:
     Raises:
         ResultError: The file cannot be read as a result.
     """
+    with opened(path) as file:
+        return _records(file["dembench"])
+
+
+@contextmanager
+def opened(path: Path, part: str = "result") -> Iterator[h5py.File]:
+    """An open result file; what the library says of one that it cannot read becomes a ResultError.
+
+    Args:
+        path: The file.
+        part: What of it is read, for the message.
+    """
     try:
         with h5py.File(path, "r") as file:
-            return _records(file["dembench"])
-    except (OSError, KeyError, ValueError) as error:
-        raise ResultError(f"{path}: no readable result: {error}") from None
+            yield file
+    except FileNotFoundError:
+        raise ResultError(f"{path}: no such file") from None
+    except (OSError, RuntimeError):
+        raise ResultError(
+            f"{path}: no readable {part}: the file is damaged, cut off or no HDF5 file; "
+            "`dembench run ... --fresh` makes the result of a run anew"
+        ) from None
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        raise ResultError(
+            f"{path}: no readable {part}: {error}; `dembench validate {path}` lists what is wrong"
+        ) from None
 
 
 def read_scene(file: h5py.File) -> Scene:
@@ -148,11 +167,8 @@ class _Snapshots(Mapping[str, SnapshotSeries]):
     def __getitem__(self, name: str) -> SnapshotSeries:
         found = self._loaded[name]
         if found is None:
-            try:
-                with h5py.File(self._path, "r") as file:
-                    found = self._loaded[name] = _snapshots(file["particles"][name])
-            except (OSError, KeyError) as error:
-                raise ResultError(f"{self._path}: no readable snapshots '{name}': {error}") from None
+            with opened(self._path, f"snapshots '{name}'") as file:
+                found = self._loaded[name] = _snapshots(file["particles"][name])
         return found
 
     def __iter__(self) -> Iterator[str]:

@@ -35,8 +35,10 @@ def validate(path: Path) -> list[str]:
     try:
         with h5py.File(path, "r") as file:
             return _faults(file)
-    except OSError as error:
-        return [f"not an HDF5 file that can be read: {error}"]
+    except FileNotFoundError:
+        return ["no such file"]
+    except (OSError, RuntimeError):
+        return ["not an HDF5 file that can be read: it is damaged, cut off or of another format"]
 
 
 def _faults(file: h5py.File) -> list[str]:

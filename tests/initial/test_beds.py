@@ -83,6 +83,9 @@ def test_files_that_are_no_beds(tmp_path):
     (tmp_path / "text.npz").write_text("no bed")
     with pytest.raises(BedError, match=r"text\.npz: no bed"):
         read_bed(tmp_path / "text.npz")
+    (tmp_path / "cut.npz").write_bytes(path_of("case3").read_bytes()[:5000])
+    with pytest.raises(BedError, match=r"cut\.npz: no bed that .* has written: it is damaged, cut off"):
+        read_bed(tmp_path / "cut.npz")
     store(tmp_path / "other.npz", {"n": 2}, np.zeros(3))
     with pytest.raises(BedError, match=r"other\.npz: no bed"):
         read_bed(tmp_path / "other.npz")

@@ -10,7 +10,17 @@ import pandas as pd
 import pytest
 from conftest import falling_frames, falling_tracks
 
-from dembench.results import Observer, Result, ResultError, export_csv, export_vtkhdf, read, validate, write
+from dembench.results import (
+    Observer,
+    Result,
+    ResultError,
+    export_csv,
+    export_vtkhdf,
+    read,
+    read_records,
+    validate,
+    write,
+)
 
 
 def make(scene, dt=1e-5, state="ok", frames=None, engine="stub"):
@@ -198,12 +208,34 @@ def test_validate_takes_any_file(tmp_path):
     path = tmp_path / "x.h5"
     path.write_text(json.dumps({}))
     assert "not an HDF5 file" in validate(path)[0]
-    assert "not an HDF5 file" in validate(tmp_path / "absent.h5")[0]
+    assert validate(tmp_path / "absent.h5") == ["no such file"]
     with h5py.File(path, "w") as file:
         file["observables"] = 1
     assert len(validate(path)) == 4
     with pytest.raises(ResultError, match=r"x\.h5"):
         read(path)
+
+
+def test_a_result_that_was_cut_off_says_what_to_do(written, tmp_path):
+    """A whole file, its first half and a file of another kind: the path and the remedy, none of the library's words."""
+    data = written.read_bytes()
+    for content in (data[: len(data) // 2], data[:100], b"time,value", b""):
+        written.write_bytes(content)
+        for attempt in (read, read_records):
+            with pytest.raises(ResultError) as error:
+                attempt(written)
+            assert str(error.value).startswith(f"{written}: no readable result: the file is damaged, cut off")
+            assert "--fresh" in str(error.value)
+        assert validate(written) == ["not an HDF5 file that can be read: it is damaged, cut off or of another format"]
+    with pytest.raises(ResultError, match=r"absent\.h5: no such file"):
+        read(tmp_path / "absent.h5")
+
+
+def test_a_result_that_is_cut_off_after_it_was_opened(written):
+    result = read(written)
+    written.write_bytes(written.read_bytes()[:1000])
+    with pytest.raises(ResultError, match="no readable snapshots 'ends': the file is damaged, cut off"):
+        _ = result.snapshots["ends"]
 
 
 def test_snapshots_are_loaded_when_they_are_asked_for(written):
