@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from dembench.cases.base import Preset
 from dembench.cases.registry import parse_case
 from dembench.engines import registry
 from dembench.engines.base import Division
+from dembench.initial.filling import unsettled
 from dembench.initial.progress import Progress
 from dembench.results import Result
 from dembench.runs.environment import available_cores
@@ -106,24 +107,29 @@ def build_scenes(request: Request, progress: Progress) -> list[SceneChoice]:
         CaseError, SceneError, RequestError: What was asked for does not exist, does not fit or is no scene.
     """
     _check(request)
-    return _scenes(request, progress, {})
+    return _scenes(request, progress, {}, True)
 
 
-def planned(requests: Sequence[Request], progress: Progress) -> list[list[PlannedRun]]:
+def planned(requests: Sequence[Request], progress: Progress, settle: bool = True) -> list[list[PlannedRun]]:
     """The runs of each request; what several ask for is one run, which all of them list.
 
     Every request is checked before the first scene is built. See `build_scenes` and `dembench.runs.plan.plan` for
     errors.
+
+    Args:
+        requests: The requests.
+        progress: Called while an initial state is generated.
+        settle: Whether initial states are generated that are not there; otherwise their runs are `unsettled`.
     """
     engines = [chosen_engines(request.engines) for request in requests]
     for request in requests:
         _check(request)
-    scenes: dict[tuple[Any, ...], Scene] = {}
+    scenes: dict[tuple[Any, ...], tuple[Scene, bool]] = {}
     known: dict[Path, PlannedRun] = {}
     found = []
     for request, chosen in zip(requests, engines, strict=True):
         runs = plan(
-            _scenes(request, progress, scenes),
+            _scenes(request, progress, scenes, settle),
             chosen,
             request.out,
             division=request.division,
@@ -241,17 +247,22 @@ def _check_options_of_file(text: str, request: Request) -> None:
             raise RequestError(f"{option} is for cases; the scene file {text} says everything itself")
 
 
-def _scenes(request: Request, progress: Progress, made: dict[tuple[Any, ...], Scene]) -> list[SceneChoice]:
+def _scenes(
+    request: Request, progress: Progress, made: dict[tuple[Any, ...], tuple[Scene, bool]], settle: bool
+) -> list[SceneChoice]:
     """The scenes of a checked request; those that are in `made` are taken from it, the others added to it."""
     found = []
     for text in request.what:
         for seed in request.seeds:
             key = (text, request.preset, request.initial, seed, request.time)
             if key not in made:
-                made[key] = _cut(_scene(text, request, seed, progress), request.time)
-                check_scene(made[key])
+                with nullcontext([]) if settle else unsettled() as lattices:
+                    scene = _cut(_scene(text, request, seed, progress), request.time)
+                if not lattices:
+                    check_scene(scene)
+                made[key] = scene, bool(lattices)
             name = Path(text).name if is_file(text) else text
-            found.append(SceneChoice(name, None if is_file(text) else request.preset or "quick", seed, made[key]))
+            found.append(SceneChoice(name, None if is_file(text) else request.preset or "quick", seed, *made[key]))
     return found
 
 

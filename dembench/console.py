@@ -78,8 +78,9 @@ def plan_rows(runs: Sequence[PlannedRun], fresh: bool) -> list[dict[str, Any]]:
     """What would be done, as plain data."""
     return [
         {
-            "name": run.spec.name(),
-            "hash": run.spec.digest(),
+            "name": run.spec.name().rpartition("__")[0] if run.unsettled else run.spec.name(),
+            "hash": None if run.unsettled else run.spec.digest(),
+            "initial": "to be generated" if run.unsettled else "ready",
             "action": run.action(fresh),
             "case": run.spec.case,
             "preset": run.spec.preset,

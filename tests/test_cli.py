@@ -12,6 +12,7 @@ import pytest
 from conftest import gone, wait_for
 from typer.testing import CliRunner
 
+from dembench.cases.registry import parse_case
 from dembench.cli import app
 from dembench.results import read, validate
 from dembench.runs.directory import find_runs
@@ -181,6 +182,23 @@ def test_plan_shows_what_would_run_and_runs_nothing(command, scene_file):
     again = json.loads(command("plan", scene_file, "--engines", "standin", "--json").stdout)
     assert again[0]["action"] == "reuse" and again[0]["hash"] == planned[0]["hash"]
     assert "reuse" in command("plan", scene_file, "--engines", "standin").stdout
+
+
+def test_plan_generates_no_initial_state(command, monkeypatch):
+    """A published bed takes minutes to settle: its particles are counted until it is there."""
+    monkeypatch.setenv("DEMBENCH_CACHE", "cache")
+    monkeypatch.setattr("dembench.initial.filling._settle", lambda *_: pytest.fail("it settles"))
+    words = ("plan", "case3[bed=25k]", "--preset", "published", "--engines", "standin")
+    (row,) = json.loads(command(*words, "--json").stdout)
+    assert (row["action"], row["initial"], row["hash"], row["estimate"]) == ("run", "to be generated", None, 3.0)
+    assert row["name"] == "case3-bed-25k-published__standin"
+    assert "initial state of 25001 bodies" in " ".join(command(*words).stdout.split())
+    monkeypatch.setattr("dembench.initial.filling._settle", lambda plan, start, *_: start)
+    case, parameters = parse_case("case3[bed=25k]")
+    case.scene(parameters, "published")
+    monkeypatch.setattr("dembench.campaign.check_scene", lambda _: None)
+    (row,) = json.loads(command(*words, "--json").stdout)
+    assert row["initial"] == "ready" and row["name"].startswith("case3-bed-25k-published__standin__")
 
 
 def test_without_engines_all_that_are_there_are_used(command, scene_file):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -10,7 +10,7 @@ import typer
 
 from dembench import campaign, console
 from dembench.campaign import Request
-from dembench.cli.asked import asked, conclude
+from dembench.cli.asked import Asked, asked, conclude
 from dembench.cli.options import (
     DivisionName,
     Engines,
@@ -64,13 +64,10 @@ def run(
     Exit code 0: every run is ok, or of a recipe has come to its end, accurate or not; 1: one is not, or a curve of a
     recipe stays flat where it must not; 2: a usage error.
     """
-    with usage_errors():
-        options = given(
-            initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
-        )
-        chosen = asked(what, engines, out, options)
-        with console.bar(json_) as progress:
-            planned = campaign.planned(chosen.requests, progress)
+    options = given(
+        initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
+    )
+    chosen, planned = _planned(what, engines, out, options, json_)
     runs = _each_once(planned)
     if not json_:
         _say_what_runs(chosen.requests, runs)
@@ -110,14 +107,15 @@ def plan(
     fresh: Fresh = False,
     json_: Json = False,
 ) -> None:
-    """Shows what `run` would do: each run, whether it is reused or gone on with, and its estimated time."""
-    with usage_errors():
-        options = given(
-            initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
-        )
-        chosen = asked(what, engines, out, options)
-        with console.bar(json_) as progress:
-            runs = _each_once(campaign.planned(chosen.requests, progress))
+    """Shows what `run` would do: each run, whether it is reused or gone on with, and its estimated time.
+
+    Initial states that `run` would generate first are not generated: estimates count their particles alone.
+    """
+    options = given(
+        initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
+    )
+    chosen, planned = _planned(what, engines, out, options, json_, settle=False)
+    runs = _each_once(planned)
     rows = console.plan_rows(runs, fresh)
     if json_:
         print_json(rows)
@@ -138,6 +136,11 @@ def plan(
             for r in rows
         ],
     )
+    for case, bodies in {run.spec.case: run.spec.bodies for run in runs if run.unsettled}.items():
+        console.line(
+            f"{case}: `dembench run` generates the initial state of {bodies} bodies first and keeps it in the cache; "
+            "the hashes of its runs are known then"
+        )
 
 
 def write(
@@ -228,6 +231,16 @@ def timestep(
         ("engine", "division", "step", "forecast"),
         [(name, division, f"{dt:.3g} s", console.duration(cost)) for name, division, dt, cost in forecasts],
     )
+
+
+def _planned(
+    what: Sequence[str], engines: str | None, out: Path, options: Mapping[str, Any], quiet: bool, settle: bool = True
+) -> tuple[Asked, list[list[PlannedRun]]]:
+    """What was asked for and its runs, of each request; see `campaign.planned` for `settle`."""
+    with usage_errors():
+        chosen = asked(what, engines, out, options)
+        with console.bar(quiet) as progress:
+            return chosen, campaign.planned(chosen.requests, progress, settle)
 
 
 def _each_once(blocks: Sequence[Sequence[PlannedRun]]) -> list[PlannedRun]:

@@ -10,6 +10,9 @@ import hashlib
 import itertools
 import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -168,11 +171,25 @@ class PackingError(RuntimeError):
     """Particles that have no room, do not come to rest, or not to the packing that they should have."""
 
 
+_unsettled: ContextVar[list[Filling] | None] = ContextVar("unsettled", default=None)
+
+
+@contextmanager
+def unsettled() -> Iterator[list[Filling]]:
+    """Within it nothing settles: a filling that the cache does not have stays where it starts, and is listed."""
+    lattices: list[Filling] = []
+    token = _unsettled.set(lattices)
+    try:
+        yield lattices
+    finally:
+        _unsettled.reset(token)
+
+
 def filled(plan: Filling, seed: int, progress: Progress | None = None, start: np.ndarray | None = None) -> np.ndarray:
     """Centres of a settled packing [m], shape (n, 3), layer upon layer, from the cache where it is there.
 
     An interrupted filling goes on from its last checkpoint in the cache when it is asked for again, and ends with the
-    same bits.
+    same bits. See `unsettled` for plans of runs, which do without.
 
     Args:
         plan: What is filled in.
@@ -184,12 +201,17 @@ def filled(plan: Filling, seed: int, progress: Progress | None = None, start: np
         PackingError: The particles have no room or do not rest in time, or the height or solid fraction is outside
             the tolerance.
     """
-    path = cache_path(plan, seed, start)
+    path, lattices = cache_path(plan, seed, start), _unsettled.get()
+
+    def begin() -> np.ndarray:
+        return _lattice(plan, seed) if start is None else start
 
     def make() -> np.ndarray:
-        begin = _lattice(plan, seed) if start is None else start
-        return _settle(plan, begin, progress or silent, Checkpoints(path))
+        return _settle(plan, begin(), progress or silent, Checkpoints(path))
 
+    if lattices is not None and not path.exists():
+        lattices.append(plan)
+        return begin()
     return cached(_kind(plan), inputs(plan, seed, start), make)
 
 

@@ -48,12 +48,14 @@ class SceneChoice:
         preset: Preset of the case, None for a scene file.
         seed: Seed of its initial state.
         scene: The scene.
+        unsettled: Whether its initial state is still to be generated, so that others stand for its positions.
     """
 
     case: str
     preset: str | None
     seed: int
     scene: Scene
+    unsettled: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,7 @@ class PlannedRun:
         directory: Where it takes place.
         before: Status of an earlier run of the same hash, or None.
         checkpoint: Where that run can be gone on with; None where it cannot or need not.
+        unsettled: As of the scene's choice: it has no hash yet and cannot be carried out.
     """
 
     spec: RunSpec
@@ -81,6 +84,7 @@ class PlannedRun:
     directory: RunDirectory
     before: Status | None
     checkpoint: Checkpoint | None = None
+    unsettled: bool = False
 
     def action(self, fresh: bool = False) -> str:
         """What a campaign does with it: `reuse`, `skip`, `missing`, `resume` or `run`."""
@@ -229,4 +233,5 @@ def _planned(
         directory=directory,
         before=before,
         checkpoint=checkpoint,
+        unsettled=chosen.unsettled,
     )
