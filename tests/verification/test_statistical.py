@@ -172,12 +172,16 @@ def test_other_profiles_are_no_bagnold_flow() -> None:
     assert all(not check.accepts(flow(0.1, power=power).misfit) for power in (1.0, 2.2))
 
 
-def test_mu_of_i_has_its_limits_and_its_inverse() -> None:
-    """tan 20.9 degrees without flow, tan 32.8 for fast ones, half of the way at I_0; the inverse gives I back."""
-    assert incline.friction(0) == pytest.approx(0.38186, abs=1e-5)
-    assert incline.friction(1e9) == pytest.approx(0.64446, abs=1e-5)
-    assert incline.friction(0.279) == pytest.approx(0.51316, abs=1e-5)
-    assert incline.friction(incline.inertial_number(25)) == pytest.approx(np.tan(np.radians(25)))
+def test_the_friction_law_is_found() -> None:
+    """Flows by the law of glass beads, mu_s = tan 20.9 degrees, give it back; flows of one I at all angles are none."""
+    checks = {check.id: check for check in incline.experiment().checks}
+    inertial = np.array([0.05, 0.1, 0.2])
+    friction = np.tan(np.radians(20.9)) + incline.rise(inertial)
+    static, distance = incline.friction_law(np.degrees(np.arctan(friction)), inertial)
+    assert static == pytest.approx(0.38186, abs=1e-5) and distance < 1e-12
+    assert incline.rise(np.array([0.279]))[0] == pytest.approx(0.5 * (0.64446 - 0.38186), abs=1e-5)
+    _, distance = incline.friction_law(np.array(list(incline.START)), np.full(3, 0.1))
+    assert not checks["BK8b"].accepts(distance)
 
 
 @pytest.mark.parametrize("name", ["peclet", "peclet-hertz", "liggghts"])
