@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dembench.engines.base import Frame, FrameFiles, Tracks
+from dembench.engines.base import CHECKPOINTS, FRAMES, Frame, FrameFiles, Tracks
 from dembench.engines.liggghts_axes import as_given, renamed_by
 from dembench.scene import Scene, WallForce
 
@@ -24,7 +24,6 @@ HEADER = struct.Struct("<qqi6i6dii")
 """Step, number of bodies, triclinic flag, 6 boundary flags, 6 bounds, values per body, number of chunks."""
 FRAME_COLUMNS = 10
 TRACK_COLUMNS = 7
-FRAMES = "frames"
 FIRST_FORCES = "forces.first.txt"
 """Forces on walls after the first step."""
 
@@ -58,7 +57,7 @@ class Launch:
     @property
     def checkpoint(self) -> str:
         """The checkpoint that it starts from."""
-        return f"checkpoint.{self.start}.restart"
+        return f"{CHECKPOINTS}/{self.start}.restart"
 
     def _named(self, name: str, kind: str) -> str:
         return f"{name}.{self.start}.{kind}" if self.start else f"{name}.{kind}"

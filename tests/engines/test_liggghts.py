@@ -141,7 +141,7 @@ def write(made: Scene, directory: Path, **overrides: str) -> str:
     settings = engine.settings(made, "closed", overrides)
     engine.write(made, settings, directory)
     text = (directory / "in.liggghts").read_text()
-    if parts := re.findall(r"checkpoint\.\d+\.restart$", text, re.M):
+    if parts := re.findall(r"checkpoints/\d+\.restart$", text, re.M):
         (directory / parts[0]).write_bytes(b"")
         engine.resume(made, settings, directory)
         (directory / parts[0]).unlink()

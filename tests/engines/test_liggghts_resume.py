@@ -12,6 +12,7 @@ from launching import installed
 from test_liggghts_walls import drum_as_mesh, scene
 
 from dembench.engines.base import Engine, Phase, Series
+from dembench.runs.tidy import remove_bulk
 from dembench.scene import Scene
 
 CHECKPOINT = {"checkpoint": "0.023", "sink_interval": "0.001"}
@@ -88,6 +89,8 @@ def test_a_resumed_run_is_the_uninterrupted_one(tmp_path: Path) -> None:
     assert again.tracks is not None
     assert np.array_equal(again.tracks.step, tracks.step) and np.array_equal(again.tracks.position, tracks.position)
     assert again.timing.loop is not None and again.counters["neighbour_builds"] > 0
+    remove_bulk(tmp_path)
+    assert not list(tmp_path.rglob("*restart*")), "a run that ended well keeps checkpoints"
 
 
 def cut_off(directory: Path, step: int) -> None:
