@@ -98,7 +98,7 @@ def at_least(
     id: str, title: str, unit: str, bound: float, source: str, *, tolerance: float = 0.0, **more: Any
 ) -> Check:
     """A check of a lower bound, which may be missed by a tolerance; `more` are further fields of `Check`."""
-    return Check(id, title, unit, bound, tolerance, source, sense="at least")
+    return Check(id, title, unit, bound, tolerance, source, sense="at least", **more)
 
 
 def deviation(id: str, title: str, tolerance: float, source: str, scene_law: bool = False, **more: Any) -> Check:

@@ -184,6 +184,11 @@ def test_the_friction_law_is_found() -> None:
     assert not checks["BK8b"].accepts(distance)
 
 
+def test_bounds_have_the_kind_that_they_are_given() -> None:
+    """What publications say is no closed form, whichever way a check of it is made."""
+    assert {check.kind for check in incline.experiment().checks} == {"publication"}
+
+
 @pytest.mark.parametrize("name", ["peclet", "peclet-hertz", "liggghts"])
 def test_every_engine_of_the_law_runs_every_scene(name: str) -> None:
     """No feature of a scene is beyond an engine that computes the law of the scenes."""

@@ -129,7 +129,7 @@ def measured(time: np.ndarray, height: np.ndarray, speed: np.ndarray, pressing: 
     """The flow in a series of snapshots, from layers one diameter thick.
 
     The pressure in the middle of a layer is the weight of the grains above it over the area; the top is where it would
-    vanish if it went on as in the core.
+    vanish if it went on as in the core. Grains in the hollows of the floor belong to the lowest layer.
 
     Args:
         time: [s], shape (t,).
@@ -137,7 +137,7 @@ def measured(time: np.ndarray, height: np.ndarray, speed: np.ndarray, pressing: 
         speed: Their velocities down the plane [m/s], shape (t, n).
         pressing: Gravity across the plane [m/s^2].
     """
-    layer = np.floor(height / DIAMETER).astype(int)
+    layer = np.maximum(np.floor(height / DIAMETER).astype(int), 0)
     levels = (np.arange(layer.max() + 1) + 0.5) * DIAMETER
     count = np.bincount(layer.ravel(), minlength=len(levels))
     full = count > 0.5 * np.median(count)
@@ -212,9 +212,16 @@ def experiment() -> Experiment:
                 f"{law}; 0.36 to 0.38 of simulated spheres with friction, and 0.02",
                 kind="publication",
             ),
-            deviation("BK8b", "incline: largest distance of tan θ from the friction law", 0.02, law),
+            deviation(
+                "BK8b", "incline: largest distance of tan θ from the friction law", 0.02, law, kind="publication"
+            ),
             at_least(
-                "BK8c", "incline: decrease of the solid fraction over I", "1", 0.05, "φ = φ_c − a I (GDR MiDi 2004)"
+                "BK8c",
+                "incline: decrease of the solid fraction over I",
+                "1",
+                0.05,
+                "φ = φ_c − a I (GDR MiDi 2004)",
+                kind="publication",
             ),
             deviation("BK8d", "incline: acceleration over gravity across the plane", 0.01, "steady flow"),
             deviation(
@@ -222,6 +229,7 @@ def experiment() -> Experiment:
                 "incline: deviation from Bagnold's profile, over the velocity of the top",
                 0.05,
                 "h^3/2 − (h − z)^3/2 (R. A. Bagnold 1954; Silbert et al. 2001)",
+                kind="publication",
             ),
         ),
         tier="statistical",
