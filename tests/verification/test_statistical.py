@@ -185,8 +185,9 @@ def test_the_friction_law_is_found() -> None:
 
 
 def test_bounds_have_the_kind_that_they_are_given() -> None:
-    """What publications say is no closed form, whichever way a check of it is made."""
-    assert {check.kind for check in incline.experiment().checks} == {"publication"}
+    """What publications say is no closed form, whichever way a check of it is made; steady flow is the balance."""
+    kinds = {check.id: check.kind for check in incline.experiment().checks}
+    assert kinds.pop("BK8d") == "closed form" and set(kinds.values()) == {"publication"}
 
 
 @pytest.mark.parametrize("name", ["peclet", "peclet-hertz", "liggghts"])
