@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -38,6 +39,7 @@ SHORT = {
 }
 DRAWN = (0.5, 0.9)
 """Restitutions of the pairs whose forces are drawn."""
+Own = TypeVar("Own", int, list[int])
 
 
 @dataclass(frozen=True)
@@ -131,63 +133,64 @@ def _sliding(seen: list[Seen], command: str) -> Plot:
 
 def _forces(seen: list[Seen], command: str) -> Plot:
     names = ("hertz-mindlin", "no-tension", "thornton", "linear")
-    panels = []
-    for e in DRAWN:
-        own = of_family("normal")[RESTITUTIONS.index(e)]
+    shown = {f"e = {e:g}": of_family("normal")[RESTITUTIONS.index(e)] for e in DRAWN}
 
-        def curve(motion: Motion, own: int = own) -> tuple[np.ndarray, np.ndarray]:
-            depth, normal, _ = forces(pairs(), motion)
-            touching = depth[:, own] > 0
-            return 1e6 * depth[touching, own], normal[touching, own]
+    def curve(motion: Motion, own: int) -> tuple[np.ndarray, np.ndarray]:
+        depth, normal, _ = forces(pairs(), motion)
+        touching = depth[:, own] > 0
+        return 1e6 * depth[touching, own], normal[touching, own]
 
-        panels.append(_panel("Normal force [N]", f"e = {e:g}", curve, seen, names))
     return Plot(
         name="normal",
         title="Normal force against overlap",
         caption="Mean force between two recorded times, m* dv/dt: loading above, unloading below; below zero the "
         "contact pulls.",
         x_label="Overlap [µm]",
-        panels=tuple(panels),
+        panels=_panels("Normal force [N]", shown, curve, seen, names),
         command=command,
         columns=2,
     )
 
 
-def _panel(
+def _panels(
     axis: str,
-    title: str,
-    curve: Callable[[Motion], tuple[np.ndarray, np.ndarray]],
+    shown: Mapping[str, Own],
+    curve: Callable[[Motion, Own], tuple[np.ndarray, np.ndarray]],
     seen: list[Seen],
     names: tuple[str, ...],
     points: bool = False,
-) -> Panel:
-    """A curve, or points, of every engine over the curves of some named laws."""
-    lines = tuple(s.line(*curve(s.motion), points=points) for s in seen)
-    known = tuple(Known(n, *curve(m), style=k, points=False) for k, n, m in _known(names))
-    return Panel(axis, lines, known, log_y=False, title=title)
+) -> tuple[Panel, ...]:
+    """For each title with its pairs a curve, or points, of every engine over the curves of some named laws."""
+    return tuple(
+        Panel(
+            axis,
+            tuple(s.line(*curve(s.motion, own), points=points) for s in seen),
+            tuple(Known(n, *curve(m, own), style=k, points=False) for k, n, m in _known(names)),
+            log_y=False,
+            title=title,
+        )
+        for title, own in shown.items()
+    )
 
 
 def _shear(seen: list[Seen], command: str) -> Plot:
     names = ("hertz-mindlin", "two-thirds", "force-history", "linear")
     rough, oblique = of_family("rough"), of_family("oblique")
-    shown = {"nothing slides: μ = 5, e = 0.98, slope 0.5": rough[4], "sticks and slides: μ = 0.2, e = 0.5": oblique[2]}
-    panels = []
-    for title, own in shown.items():
+    shown = {"Nothing slides: μ = 5, e = 0.98, slope 0.5": rough[4], "Sticks and slides: μ = 0.2, e = 0.5": oblique[2]}
 
-        def curve(motion: Motion, own: int = own) -> tuple[np.ndarray, np.ndarray]:
-            middle = 0.5e3 * (motion.time[1:] + motion.time[:-1])
-            _, _, tangential = forces(pairs(), motion)
-            part = middle < 2.8
-            return middle[part], -tangential[part, own]
+    def curve(motion: Motion, own: int) -> tuple[np.ndarray, np.ndarray]:
+        middle = 0.5e3 * (motion.time[1:] + motion.time[:-1])
+        _, _, tangential = forces(pairs(), motion)
+        part = middle < 2.8
+        return middle[part], -tangential[part, own]
 
-        panels.append(_panel("Tangential force [N]", title.capitalize(), curve, seen, names))
     return Plot(
         name="shear",
         title="Tangential force through an oblique impact",
         caption="A law that remembers the way of the slip loses force as the contact opens; one that remembers the "
         "force keeps it.",
         x_label="Time [ms]",
-        panels=tuple(panels),
+        panels=_panels("Tangential force [N]", shown, curve, seen, names),
         command=command,
         columns=2,
     )
@@ -196,23 +199,19 @@ def _shear(seen: list[Seen], command: str) -> Plot:
 def _oblique(seen: list[Seen], command: str) -> Plot:
     names = ("hertz-mindlin", "two-thirds", "spring-bound", "rigid")
     own = of_family("oblique")
-    panels = []
-    for k, e in enumerate((0.5, 0.9)):
-        part = own[k * len(SLOPES) : (k + 1) * len(SLOPES)]
+    shown = {f"e = {e:g}, μ = 0.2": own[k * len(SLOPES) : (k + 1) * len(SLOPES)] for k, e in enumerate((0.5, 0.9))}
 
-        def curve(motion: Motion, part: list[int] = part) -> tuple[np.ndarray, np.ndarray]:
-            v = separation(motion)[:, part, 1]
-            return np.array(SLOPES), v[-1] / v[0]
+    def curve(motion: Motion, own: list[int]) -> tuple[np.ndarray, np.ndarray]:
+        v = separation(motion)[:, own, 1]
+        return np.array(SLOPES), v[-1] / v[0]
 
-        title = f"e = {e:g}, μ = 0.2"
-        panels.append(_panel("Tangential velocity after / before", title, curve, seen, names, points=True))
     return Plot(
         name="oblique",
         title="Tangential rebound of oblique impacts",
         caption="Two spheres without spin that meet with a tangential velocity. Soft ones turn about each other while "
         "they touch, which rigid ones do not.",
         x_label="Tangential over normal velocity before",
-        panels=tuple(panels),
+        panels=_panels("Tangential velocity after / before", shown, curve, seen, names, points=True),
         command=command,
         columns=2,
     )
