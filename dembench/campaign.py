@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -256,7 +256,8 @@ def _scenes(
         for seed in request.seeds:
             key = (text, request.preset, request.initial, seed, request.time)
             if key not in made:
-                with nullcontext([]) if settle else unsettled() as lattices:
+                with ExitStack() as stack:
+                    lattices = [] if settle else stack.enter_context(unsettled())
                     scene = _cut(_scene(text, request, seed, progress), request.time)
                 if not lattices:
                     check_scene(scene)
