@@ -9,6 +9,7 @@ import numpy as np
 
 from dembench.scene import Scene, features
 from dembench.scene.shape_overlap import Shaped
+from dembench.solver.body_arrays import BodyArrays
 from dembench.solver.drive import Drive
 from dembench.solver.energy import Balance
 from dembench.solver.full import FullSpheres
@@ -18,7 +19,6 @@ from dembench.solver.impulse.stepper import Impulses
 from dembench.solver.periodic import wrapped
 from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes
 from dembench.solver.soft import SoftSpheres
-from dembench.solver.state import State
 from dembench.solver.units import Units
 
 Stepper = SoftSpheres | FullSpheres | Impulses | CompliantImpulses | SoftShapes | ImpulseShapes
@@ -36,7 +36,7 @@ class Access:
     steps: int
     drive: Drive
     units: Units
-    state: State
+    state: BodyArrays
     _stepper: Stepper
     _balance: Balance
     # by id, of all bodies that are or were there

@@ -9,10 +9,10 @@ import numpy as np
 import warp as wp
 
 from dembench.scene import Scene
+from dembench.solver.body_arrays import BodyArrays
 from dembench.solver.full_lists import full_list_kernels, full_lists_type
 from dembench.solver.full_sort import CHUNKS, sort_kernels
 from dembench.solver.needs import Needs
-from dembench.solver.state import State
 from dembench.solver.units import Units
 
 SLOTS = 20
@@ -23,12 +23,11 @@ BIG_ROOM = 4096
 """Candidates of the large bodies that there is room for at first."""
 
 
-class FullState(State):
+class FullState(BodyArrays):
     """Particle arrays in scene units on a device, sorted by cell, with full lists.
 
     Attributes:
-        device: Where the arrays are.
-        n, total, bodies, lists, diameter, skin: As in `State`; the current state is always in `bodies`.
+        lists: The Warp record that kernels take; the current state is always in `bodies`.
         spare: Bodies with arrays of their own for position, velocity and spin, that a step writes.
         big_skin: Gap up to which bodies are partners of a large body [scene units]; set by the stepper.
         reference: Positions at the last rebuild.
@@ -50,8 +49,7 @@ class FullState(State):
         self.big_skin = 0.0
         super().__init__(scene, units, precision, 1, wall_loads, needs)
 
-    def _kernels(self, scene: Scene) -> Any:
-        del scene
+    def _kernels(self) -> Any:
         precision = self.types.precision
         lists = full_list_kernels(precision, self.walls.options, self.needs.friction, self.periodic)
         kernels = {**vars(sort_kernels(precision)), **vars(lists), **self._wrapping()}
@@ -62,11 +60,10 @@ class FullState(State):
     # ---- allocation
 
     def allocate(self, n: int) -> None:
-        """See `State.allocate`; the initial state is put together on the host."""
+        """See `BodyArrays.allocate`; the initial state is put together on the host."""
         self.bodies, self.identity = self._bodies(n), self._ints(n)
 
-    def _lists(self, per_particle: int) -> None:
-        del per_particle
+    def _lists(self) -> None:
         n, total, rows = max(1, self.n), max(1, self.total), self.big_rows
         for name in ("kin", "spin", "load", "force", "inv_m", "inv_i", "kind"):
             setattr(self.bodies, name, getattr(self.bodies, name).to(self.device))

@@ -16,7 +16,6 @@ from dembench.solver.diagnostics import WallLayer, wall_layer
 from dembench.solver.energy import Energy, kinetic
 from dembench.solver.export import write_csv, write_vtkhdf
 from dembench.solver.full import FullSpheres
-from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError
 from dembench.solver.insertion import Newcomers
 from dembench.solver.inspection import Contacts, contacts_of
@@ -24,6 +23,7 @@ from dembench.solver.population import insert, remove
 from dembench.solver.relaxing import relax
 from dembench.solver.saving import array_bytes
 from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes
+from dembench.solver.state import State
 from dembench.solver.walls.loads import FORCE, TORQUE, WORK
 
 
@@ -160,7 +160,7 @@ class Operations(Access):
         Raises:
             SolverError: The limit is not above 0, overlaps are left after `steps`, or the lists are full.
         """
-        self._can_change()
+        self._changeable()
         made = relax(self, speed_limit, until, steps)
         if rest:
             held = [c.bodies for c in self.scene.constraints if c.kind == "kinematic"]
@@ -229,14 +229,14 @@ class Operations(Access):
         Raises:
             SolverError: One of them is not there, or the lists are full.
         """
-        self._can_change()
+        state = self._changeable()
         ids = np.atleast_1d(np.asarray(ids, dtype=np.int64))
         missing = np.setdiff1d(ids, self.ids)
         if len(missing):
-            raise SolverError(f"ids: there is no body {missing[0]}; there are {self.state.total} bodies, see `ids`")
+            raise SolverError(f"ids: there is no body {missing[0]}; there are {state.total} bodies, see `ids`")
         if len(ids):
             self._balance.begin = math.nan
-            self._relist(remove(self.state, np.isin(self.state.identity.numpy()[: self.state.total], ids)))
+            self._relist(remove(state, np.isin(state.identity.numpy()[: state.total], ids)))
 
     def insert(
         self, position: Any, velocity: Any = None, angular_velocity: Any = None, species: Any = 0, radius: Any = None
@@ -252,21 +252,23 @@ class Operations(Access):
         Raises:
             SolverError: A value is not accepted, or a body would overlap another or a wall at rest by more than 1 %.
         """
-        self._can_change()
+        state = self._changeable()
         if features(self.scene).shapes:
             raise SolverError("insert: scenes with bodies that are no spheres take no new bodies")
         new = Newcomers(self, position, velocity, angular_velocity, species, radius)
-        ids = self.state.limit + np.arange(len(new.radii))
+        ids = state.limit + np.arange(len(new.radii))
         if len(ids):
             self._species = np.concatenate([self._species, new.species])
             self._radii, self._masses = np.append(self._radii, new.radii), np.append(self._masses, new.masses)
-            insert(self.state, new.columns(), ids)
-            self.drive.grow(self.state.limit)
+            insert(state, new.columns(), ids)
+            self.drive.grow(state.limit)
             self._changed = True
             self._balance.begin = math.nan
         return ids
 
-    def _can_change(self) -> None:
-        if self.state.device != "cpu" or isinstance(self.state, FullState):
+    def _changeable(self) -> State:
+        """The state, which bodies can leave and come into."""
+        if not isinstance(self.state, State):
             raise SolverError("bodies can leave and come with half lists only (lists='half')")
         self._refresh()
+        return self.state

@@ -21,6 +21,7 @@ from dembench.solver.operations import Operations
 from dembench.solver.population import drain
 from dembench.solver.saving import read_state, restore, write_state
 from dembench.solver.softening import softening_of
+from dembench.solver.state import State
 from dembench.solver.timestep import choose_step
 from dembench.solver.units import scene_units
 
@@ -160,9 +161,10 @@ class Simulation(Operations):
             if progress is not None:
                 progress(made)
                 block = 2 * block if time.perf_counter() - begin < PROGRESS else max(1, block // 2)
-        left, touched = drain(self.state)
-        if left:
-            self._relist(touched)
+        if isinstance(self.state, State):
+            left, touched = drain(self.state)
+            if left:
+                self._relist(touched)
 
     # ---- files
 
