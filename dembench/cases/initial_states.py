@@ -66,7 +66,7 @@ def given_file(initial: Path | None, name: str, optional: bool = False) -> Path 
     except CoordinatesError as error:
         if optional and initial.is_dir():
             return None
-        raise CaseError(f"{error}; without --initial it is generated and kept in the cache") from None
+        raise CaseError(f"{error}; without --initial the initial state is generated and kept in the cache") from None
 
 
 def given_coordinates(read: Callable[[], Coordinates]) -> Coordinates:
