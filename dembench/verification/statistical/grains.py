@@ -23,8 +23,6 @@ SPACING = 2.3
 """Distance of grains before they fall, in radii."""
 FLOOR_SPACING, FLOOR_ROOM, FLOOR_RELIEF = 2.4, 0.2, 0.4
 """Distance of the spheres of a floor, and by how much they are moved in the plane and across it at most, in radii."""
-FLOOR_LEVEL = (1 - FLOOR_RELIEF) * RADIUS
-"""Mean height of the tops of a floor's spheres [m]."""
 CELL = 1.5
 """Length of a cell of a profile along its ring, in diameters."""
 
