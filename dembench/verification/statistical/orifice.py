@@ -27,9 +27,9 @@ ORIFICES, LAYERS = (6, 8, 10), 6
 """Diameters of the orifices in diameters of grains, and layers that are poured in for each of these: at the end of a
 run the bed is still twice as high as the orifice is wide."""
 WIDTH, FRICTION = 2.5, 0.2
-"""Diameter of the silo in diameters of the orifice, and friction of everything [-]: that of glass beads (S. F. Foerster
-et al. 1994, Phys. Fluids 6, 1108: 0.09 to 0.2), whose constants the law has. Rougher grains flow more slowly: C of an
-orifice six grains wide is 0.60 with 0.2, 0.55 with 0.3 and 0.51 with 0.5."""
+"""Diameter of the silo in diameters of the orifice, and friction of everything [-]: that of glass beads, 0.1 to 0.2,
+whose constants the law has. Rougher grains flow more slowly: C of an orifice six grains wide was 0.60 with 0.2, 0.55
+with 0.3 and 0.51 with 0.5."""
 DURATION, FALLEN, INTERVAL = 0.6, 0.2, 5e-3
 """End of a run, time by which the grains have come down and flow steadily, and time between two counts [s]."""
 EMPTY = 1.4
