@@ -25,6 +25,7 @@ class PecletSettings(EngineSettings):
     Attributes:
         rows: Kind of contact rows; `compliant`: the scene's soft-sphere law, implicit in substeps; `rigid`: no
             stiffness, restitution and friction of the pair laws. By default `rigid` for a rigid law, else `compliant`.
+        threads: Threads that share a step with compliant rows; the bits of a result depend on their number.
         substeps: Substeps of a step with compliant rows; None takes as many as the stiffest contact of a step needs.
         velocity_sweeps: Sweeps over compliant rows in a substep, by default 1; largest number of sweeps over rigid rows
             in a step, by default 8.
@@ -35,6 +36,7 @@ class PecletSettings(EngineSettings):
     """
 
     rows: Literal["compliant", "rigid"] = "compliant"
+    threads: Annotated[int, Field(ge=1)] = 1
     substeps: Annotated[int, Field(ge=1)] | None = None
     velocity_sweeps: Annotated[int, Field(ge=1)]
     position_sweeps: Annotated[int, Field(ge=0)]
@@ -50,7 +52,13 @@ class PecletSettings(EngineSettings):
             usual = {"velocity_sweeps": 8, "position_sweeps": 12}
             if values.get("substeps") is not None:
                 raise ValueError("rigid rows have no substeps")
+            if int(values.get("threads") or 1) != 1:
+                raise ValueError("threads: rigid rows have one")
         return {**usual, **values}
+
+    def cores(self) -> int:
+        """See `EngineSettings.cores`."""
+        return self.threads
 
     def precision(self) -> str:
         """See `EngineSettings.precision`."""
@@ -117,7 +125,8 @@ class Peclet(InTree):
         steps = scene.duration / settings.dt
         if settings.rows == "compliant":
             steps *= settings.substeps or USUAL_SUBSTEPS
-        return 10 + steps * max(len(scene.bodies), 100) / PARTICLE_STEPS_PER_SECOND[settings.rows]
+        rate = PARTICLE_STEPS_PER_SECOND[settings.rows] * settings.threads
+        return 10 + steps * max(len(scene.bodies), 100) / rate
 
     def forceable(self, scene: Scene, settings: PecletSettings) -> list[str]:
         """See `Engine.forceable`; impulses know no rolling friction."""
@@ -131,6 +140,7 @@ class Peclet(InTree):
         return Simulation(
             scene,
             s.dt,
+            s.threads,
             precision=s.arithmetic,
             method="impulse",
             rows=s.rows,

@@ -34,6 +34,7 @@ class BodyArrays(ABC):
         device: Where the arrays are.
         needs: What is there.
         lookup: How pair constants are looked up.
+        cuts: Shares of the sorted bodies at which the ranges of the threads begin and end, shape (parts + 1,).
         n, total: Number of small particles, which are sorted, and of all; the large bodies stand behind them.
         small_at_start: Ids of the small bodies of the scene.
         limit: Above all ids of bodies that there are or were.
@@ -76,6 +77,7 @@ class BodyArrays(ABC):
         self.identity_start = np.concatenate([np.setdiff1d(np.arange(self.total), big), big]).astype(np.int32)
         self.small_at_start = self.identity_start[: self.n]
         self.parts = max(1, min(threads, self.n // 64))
+        self.cuts = np.linspace(0, 1, self.parts + 1)
         self.walls = WallSet(scene, units, self.parts, self.device, wall_loads, self.needs)
         self.wall_speed = 0.0
         self.low, self.box = np.array(scene.domain.lower) / units.length, box_lengths(scene) / units.length
@@ -158,7 +160,7 @@ class BodyArrays(ABC):
     def divide(self) -> None:
         """Numbers that follow from those of the bodies: large ones, and the ranges of the threads."""
         self.big_rows = self.total - self.n
-        ranges = np.linspace(0, self.n, self.parts + 1).round().astype(np.int32)
+        ranges = (self.n * self.cuts).round().astype(np.int32)
         self.ranges_host = ranges
         self.ranges = wp.array(ranges, dtype=wp.int32, device="cpu")
 

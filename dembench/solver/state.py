@@ -90,6 +90,7 @@ class State(BodyArrays):
         self.rebuilds += 1
         self._wrap()
         drain(self)
+        self._balance()
         grid = self._sort()
         while True:
             self._build(grid)
@@ -101,6 +102,14 @@ class State(BodyArrays):
             self._new_pairs(self.lists)
         self._build_walls()
         self.near_count.zero_()
+
+    def _balance(self) -> None:
+        """Cuts the sorted bodies anew, so that every thread has as much work: the pairs listed last, and the bodies."""
+        if self.parts > 1:
+            work = self.pair_count.numpy().reshape(-1, 2).sum(axis=1) + np.diff(self.ranges_host)
+            done = np.append(0, np.cumsum(work))
+            self.cuts = np.interp(np.linspace(0, done[-1], self.parts + 1), done, self.cuts)
+            self.divide()
 
     def _sort(self) -> tuple[Any, ...]:
         launch, n, b = self._launch, self.n, self.bodies

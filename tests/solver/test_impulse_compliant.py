@@ -40,7 +40,8 @@ def pairs(speed: float, travel: float, sliding: float = 0.0, **changes: Any) -> 
 def test_restitution_is_the_same_at_any_speed(restitution: float) -> None:
     """As the law has it, from 0.01 to 5 m/s, for any phase of the substeps, of which there are about three a contact.
 
-    Second order: 0.022 above at e = 0.5, less the more elastic; elastic grains lose what one Newton iteration leaves.
+    The dashpot makes up for what the mean speed of a substep leaves out: 0.005 above at e = 0.2, less the more elastic;
+    elastic grains lose what the Newton iterations leave.
     """
     found = []
     for speed in (0.01, 0.3, 5.0):
@@ -51,7 +52,7 @@ def test_restitution_is_the_same_at_any_speed(restitution: float) -> None:
         v = simulation.velocity[:, 0]
         found.append(float(np.mean(v[N:] - v[:N])) / speed)
     assert np.ptp(found) < 1e-3
-    assert found[0] == pytest.approx(restitution, abs=0.025 if restitution < 1 else 2e-5)
+    assert found[0] == pytest.approx(restitution, abs=0.01 if restitution < 1 else 2e-5)
 
 
 LAWS: dict[str, dict[str, Any]] = {
@@ -132,6 +133,84 @@ def test_energy_of_elastic_grains_is_kept() -> None:
         found.append(total_energy(simulation))
         simulation.step()
     assert np.array(found) == pytest.approx(np.full(400, found[0]), rel=3e-4)
+
+
+def crowd(n: int = 343) -> Scene:
+    """Grains of two sizes and a ball, packed at random in a box, that fly apart."""
+    position, velocity, spin = gas(n, speed=1.0, spacing=2.3)
+    low, high = position.min(axis=0) - 2 * RADIUS, position.max(axis=0) + 2 * RADIUS
+    ball = [*((low + high) / 2)[:2], high[2] + 6 * RADIUS]
+    box = Box(name="box", material="grain", lower=tuple(low), upper=(*high[:2], high[2] + 14 * RADIUS))
+    return grains(
+        [*position, ball],
+        [*velocity, [0, 0, -1.0]],
+        [*spin, [0, 0, 0]],
+        radius=(RADIUS, 1.1 * RADIUS, 6 * RADIUS),
+        species=[*(np.arange(n) % 2), 2],
+        walls=(box,),
+        young=1e7,
+    )
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_solve_the_same_rows(threads: int) -> None:
+    """Sweeps in another order have the same solution, and with many sweeps all get there.
+
+    A row whose contact begins within a substep may go to and fro between two solutions that differ by 1e-6 m/s; a row
+    that is missed, or solved twice, changes velocities by 0.01 m/s.
+    """
+    ends = []
+    for parts in (1, threads):
+        simulation = compliant(crowd(), 2e-5, threads=parts, substeps=1, velocity_sweeps=60, precision="float64")
+        simulation.step(100)
+        ends.append(simulation)
+    one, several = ends
+    assert several.counters()["rows"] == one.counters()["rows"] > 60
+    assert np.abs(one.velocity - crowd().bodies.velocity).max() > 0.5
+    assert several.velocity == pytest.approx(one.velocity, abs=1e-5)
+    assert RADIUS * several.angular_velocity == pytest.approx(RADIUS * one.angular_velocity, abs=1e-5)
+    found = [(len(c.i), float(c.energy.sum()), np.sort(c.normal_force)) for c in (one.contacts(), several.contacts())]
+    assert found[0][0] == found[1][0] and found[0][1] == pytest.approx(found[1][1], rel=1e-4)
+    assert found[0][2] == pytest.approx(found[1][2], abs=1e-4 * found[0][2].max())
+
+
+def test_threads_keep_momentum_and_repeat_their_bits() -> None:
+    """With one sweep, where every row is solved once and half of the impulses go from range to range."""
+    ends = []
+    for block in (300, 7):
+        position, velocity, spin = gas(512, spacing=2.2)
+        scene = grains(position, velocity, spin, restitution=0.6)
+        simulation = compliant(scene, 1e-5, threads=2)
+        made = 0
+        while made < 300:
+            simulation.step(min(block, 300 - made))
+            made += min(block, 300 - made)
+        before, after = (scene.masses() @ v for v in (scene.bodies.velocity, simulation.velocity))
+        scale = scene.masses() @ np.linalg.norm(velocity, axis=1)
+        assert np.abs(after - before).max() < 1e-6 * scale
+        assert simulation.kinetic_energy() < 0.9 * 0.5 * float(scene.masses() @ (velocity**2).sum(axis=1))
+        ends.append([a.tobytes() for a in (simulation.position, simulation.velocity, simulation.angular_velocity)])
+    assert ends[0] == ends[1]
+
+
+def test_threads_share_the_pairs_of_an_uneven_bed() -> None:
+    """A dense block and a loose cloud: as many bodies for each thread would leave one without pairs."""
+    dense = np.stack(np.meshgrid(*3 * [np.arange(8)]), axis=-1).reshape(-1, 3) * 2.05
+    loose = np.stack(np.meshgrid(*3 * [np.arange(8)]), axis=-1).reshape(-1, 3) * 2.6 + [20, 0, 0]
+    position = RADIUS * np.concatenate([dense, loose])
+    simulation = compliant(grains(position, np.random.default_rng(1).normal(0, 0.1, position.shape)), 1e-5, threads=2)
+    simulation.step(20)
+    for _ in range(4):
+        simulation.state.rebuild()
+    ranges = simulation.state.ranges.numpy()
+    work = simulation.state.pair_count.numpy().reshape(2, 2).sum(axis=1) + np.diff(ranges)
+    assert work.max() < 1.1 * work.min()
+    assert ranges[1] < 0.4 * len(position)
+
+
+def test_rigid_rows_refuse_threads() -> None:
+    with pytest.raises(SolverError, match="threads = 2: rigid rows have one"):
+        Simulation(heap(), 1e-4, method="impulse", rows="rigid", threads=2)
 
 
 def test_energy_of_a_gas_that_falls_together_only_falls() -> None:

@@ -1,5 +1,6 @@
 """What the compliant rows of the last substep say of the contacts: force, overlap, elastic energy."""
 
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -11,14 +12,26 @@ from dembench.solver.inspection import Touching
 from dembench.solver.laws import surface_functions
 from dembench.solver.pairs import pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
+from dembench.solver.state import State
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
 
 
+@dataclass(frozen=True)
+class Segment:
+    """Rows begin..end, from `other` on those of walls or, in the bridge, of large bodies; see `compliant_types`."""
+
+    begin: int
+    other: int
+    end: int
+    own: bool
+    shift: int
+
+
 @cache
 def contact_kernel(o: CompliantOptions) -> Any:
-    """A kernel that measures the contacts of `count` rows at present: the normal with the overlap, and the energy.
+    """A kernel that measures the contacts of the rows of a segment: the normal with the overlap at present, the energy.
 
     The energy is (2/5) kn d^(5/2) + kt sqrt(d) xi^2/2, in a linear law kn d^2/2 + kt xi^2/2; 0 where the two are apart.
     """
@@ -55,9 +68,11 @@ def contact_kernel(o: CompliantOptions) -> Any:
     @wp.kernel(enable_backward=False, module="unique")
     def measure(
         # inputs
-        count: int,
-        big: int,
-        wall: int,
+        begin: int,
+        other: int,
+        end: int,
+        own: int,
+        shift: int,
         made: real,
         b: Bodies,
         lists: Lists,
@@ -69,7 +84,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
         place: wp.array(dtype=vec4),
         energy: wp.array(dtype=real),
     ):
-        for r in range(count):
+        for r in range(begin, end):
             i, j, slot = rows.i[r], rows.j[r], rows.slot[r]
             ki = b.kin[i]
             x = wp.vec3d(ki[0], ki[1], ki[2])
@@ -77,7 +92,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
             n, s = wp.vec3d(), vec3()
             overlap = wp.float64(0.0)
             memory = vec4()
-            if r < wall:
+            if r < other or own == 0:
                 kj = b.kin[j]
                 apart = separation(b, ki, kj)
                 d = wp.vec3d(apart[0], apart[1], apart[2])
@@ -87,7 +102,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
                 overlap = ri + rj - wp.length(d)
                 if wp.static(friction):
                     s = arm_of(ri, real(overlap)) * spin(b, i) + arm_of(rj, real(overlap)) * spin(b, j)
-                    if r < big:
+                    if r < other:
                         memory = lists.memory[slot]
                     else:
                         memory = lists.big_memory[slot]
@@ -95,20 +110,20 @@ def contact_kernel(o: CompliantOptions) -> Any:
                 f = lists.wall_f[slot]
                 distance, normal = distance_of(walls, f, 0, x)
                 n = normal
-                own = radius(b, ki)
-                overlap = own - distance
-                v = v - velocity_of(walls, f, 0, x - wp.float64(arm_of(own, real(overlap))) * normal)
+                arm = radius(b, ki)
+                overlap = arm - distance
+                v = v - velocity_of(walls, f, 0, x - wp.float64(arm_of(arm, real(overlap))) * normal)
                 if wp.static(friction):
-                    s = arm_of(own, real(overlap)) * spin(b, i)
+                    s = arm_of(arm, real(overlap)) * spin(b, i)
                     memory = lists.wall_memory[slot]
             c = PairClass()
             if wp.static(shared):
-                if r < big:
+                if r < other:
                     c = of_pair(b, i, j, table, columns)
                 else:
-                    c = rows.c[r - big]
+                    c = rows.c[r - shift]
             else:
-                c = rows.c[r]
+                c = rows.c[r - shift]
             m = vec3(real(n[0]), real(n[1]), real(n[2]))
             xi = vec3()
             if wp.static(friction):
@@ -120,27 +135,34 @@ def contact_kernel(o: CompliantOptions) -> Any:
     return measure
 
 
-def touching(o: CompliantOptions, inputs: list[Any], rows: Any, wall: int, made: float, lists: Any) -> Touching:
+def touching(
+    o: CompliantOptions, segments: list[Segment], state: State, rows: Any, table: Any, columns: int, made: float
+) -> Touching:
     """The contacts that the rows of the last substep have left.
 
     Args:
         o: Options of the kernel that made the rows.
-        inputs: What the kernel takes.
+        segments: Where the rows stand.
+        state: The bodies, the lists that the rows refer to, and the walls.
         rows: The rows.
-        wall: First row of walls.
+        table, columns: Constants of pairs.
         made: The last substep [scene units].
-        lists: The lists that the rows refer to.
     """
-    count, t = inputs[0], types(o.law.precision)
-    place = wp.zeros(max(1, count), dtype=t.vec4, device="cpu")
-    energy = wp.zeros(max(1, count), dtype=t.real, device="cpu")
-    wp.launch(contact_kernel(o), dim=1, device="cpu", inputs=inputs, outputs=[place, energy])
-    normal, overlap = np.split(place.numpy()[:count].astype(float), [3], axis=1)
-    kept = np.flatnonzero(overlap[:, 0] > 0)
+    count, t = max(1, segments[-1].end), types(o.law.precision)
+    place = wp.zeros(count, dtype=t.vec4, device="cpu")
+    energy = wp.zeros(count, dtype=t.real, device="cpu")
+    for s in segments:
+        inputs = [s.begin, s.other, s.end, int(s.own), s.shift, made, state.bodies, state.lists, rows]
+        inputs += [state.walls.record, table, columns]
+        wp.launch(contact_kernel(o), dim=1, device="cpu", inputs=inputs, outputs=[place, energy])
+    used = np.concatenate([np.arange(s.begin, s.end) for s in segments])
+    at_walls = np.concatenate([(np.arange(s.begin, s.end) >= s.other) & s.own for s in segments])
+    normal, overlap = np.split(place.numpy()[used].astype(float), [3], axis=1)
+    touch = overlap[:, 0] > 0
+    kept, at_wall = used[touch], at_walls[touch]
     i, j = rows.i.numpy()[kept], rows.j.numpy()[kept]
-    at_wall = kept >= wall
     feature = np.full(len(kept), -1, np.int32)
-    feature[at_wall] = lists.wall_f.numpy()[rows.slot.numpy()[kept[at_wall]]]
+    feature[at_wall] = state.lists.wall_f.numpy()[rows.slot.numpy()[kept[at_wall]]]
     impulse, n = rows.b.numpy()[kept, 4:7].astype(float), rows.a.numpy()[kept, :3].astype(float)
     force = impulse / made if made else impulse
     along = (force * n).sum(axis=1)
@@ -148,8 +170,8 @@ def touching(o: CompliantOptions, inputs: list[Any], rows: Any, wall: int, made:
         i=i,
         j=np.where(at_wall, -1, j),
         feature=feature,
-        normal=normal[kept],
-        overlap=overlap[kept, 0],
+        normal=normal[touch],
+        overlap=overlap[touch, 0],
         normal_force=along,
         tangential_force=force - along[:, None] * n,
         energy=energy.numpy()[kept].astype(float),

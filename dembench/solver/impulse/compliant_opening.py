@@ -31,10 +31,10 @@ from dembench.solver.walls.records import Walls
 
 @cache
 def opening_functions(o: CompliantOptions) -> Any:
-    """Warp functions `pairs`, `bigs` and `walls` that append rows of a substep and return how many rows there are,
-    the first two also the largest overlap.
+    """Warp functions `pairs`, `bigs` and `walls` that write rows of a substep, `first` being the first of them.
 
-    Each applies the impulses with which its rows begin, and forgets the memory of contacts that are open.
+    They return where the rows end, and the first two also the largest overlap. Each applies the impulses with which its
+    rows begin, and forgets the memory of contacts that are open. `shift`: see `compliant_types`.
     """
     precision = o.law.precision
     t = types(precision)
@@ -117,6 +117,7 @@ def opening_functions(o: CompliantOptions) -> Any:
     def pairs(
         b: Bodies,
         lists: Lists,
+        base: int,
         count: int,
         one: PairClass,
         table: wp.array(dtype=PairClass),
@@ -125,13 +126,15 @@ def opening_functions(o: CompliantOptions) -> Any:
         grown: real,
         reach: wp.float64,
         rows: Rows,
+        first: int,
+        shift: int,
     ):
-        """Rows of the near pairs, which stand sorted by i: what concerns i is read and written once per run.
+        """Rows of the near pairs of a region, sorted by i: what concerns i is read and written once per run.
 
         No two small bodies approach by more than `reach` within the substep; `one` are the constants that all pairs
         share, where they do.
         """
-        found = int(0)
+        found = int(first)
         largest = real(0.0)
         current = int(-1)
         ki = vec8d()
@@ -141,10 +144,10 @@ def opening_functions(o: CompliantOptions) -> Any:
         if wp.static(shared):
             c = one
         for q in range(count):
-            k = entry(lists.near, q)
+            k = entry(lists.near, base + q)
             i, j = entry(lists.i, k), entry(lists.j, k)
             if q + AHEAD < count:
-                ask_body(b, rows, entry(lists.j, entry(lists.near, q + AHEAD)))
+                ask_body(b, rows, entry(lists.j, entry(lists.near, base + q + AHEAD)))
             if i != current:
                 if current >= 0:
                     set_change(rows, current, ui)
@@ -177,7 +180,7 @@ def opening_functions(o: CompliantOptions) -> Any:
                         wj = vec3(s[0], s[1], s[2])
                     if wp.static(not shared):
                         c = of_pair(b, i, j, table, columns)
-                        rows.c[found] = c
+                        rows.c[found - shift] = c
                     ai, aj = arm_of(ri, overlap), arm_of(rj, overlap)
                     m = vec4()
                     if wp.static(friction):
@@ -208,9 +211,9 @@ def opening_functions(o: CompliantOptions) -> Any:
         grown: real,
         rows: Rows,
         first: int,
-        common: int,
+        shift: int,
     ):
-        """Rows of the candidates of large bodies; `common` rows share one row of the table."""
+        """Rows of the candidates of large bodies."""
         found = int(first)
         largest = real(0.0)
         for q in range(count):
@@ -235,7 +238,7 @@ def opening_functions(o: CompliantOptions) -> Any:
                 wi, wj = vec3(si[0], si[1], si[2]), vec3(sj[0], sj[1], sj[2])
             if overlap + real(0.5) * h * wp.abs(wp.dot(v, n)) > real(0.0):
                 c = of_pair(b, i, j, table, columns)
-                rows.c[found - common] = c
+                rows.c[found - shift] = c
                 ai, aj = arm_of(ri, overlap), arm_of(rj, overlap)
                 p = open_row(rows, found, i, j, slot, n, overlap, v, wi, wj, ai, aj, memory, c, h, grown)
                 found += 1
@@ -252,9 +255,11 @@ def opening_functions(o: CompliantOptions) -> Any:
     def walls(
         b: Bodies,
         lists: Lists,
+        base: int,
         count: int,
         features: Walls,
-        total: int,
+        poses: int,
+        fixed: int,
         table: wp.array(dtype=PairClass),
         columns: int,
         h: real,
@@ -262,20 +267,23 @@ def opening_functions(o: CompliantOptions) -> Any:
         fall: real,
         rows: Rows,
         first: int,
-        common: int,
+        shift: int,
     ):
-        """Rows of bodies at walls; `fall` is what gravity adds to a speed within the substep."""
+        """Rows of the bodies of a thread at walls, whose poses begin at `poses`.
+
+        `fixed` is the index of what does not move, and `fall` what gravity adds to a speed within the substep.
+        """
         found = int(first)
-        for q in range(count):
+        for q in range(base, base + count):
             i, f = lists.wall_i[q], lists.wall_f[q]
             k = kin(b, i)
             x = wp.vec3d(k[0], k[1], k[2])
-            distance, normal = distance_of(features, f, 0, x)
+            distance, normal = distance_of(features, f, poses, x)
             radius_i = radius(b, k)
             overlap = real(radius_i - distance)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
             ai = arm_of(radius_i, overlap)
-            dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, 0, x - wp.float64(ai) * normal)
+            dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, poses, x - wp.float64(ai) * normal)
             v = vec3(real(dv[0]), real(dv[1]), real(dv[2]))
             memory, w = vec4(), vec3()
             if wp.static(friction):
@@ -284,12 +292,12 @@ def opening_functions(o: CompliantOptions) -> Any:
                 w = vec3(s[0], s[1], s[2])
             if overlap + real(0.5) * h * (wp.abs(wp.dot(v, n)) + fall) > real(0.0):
                 c = of_wall(b, i, features.features[f].kind, table, columns)
-                rows.c[found - common] = c
+                rows.c[found - shift] = c
                 p = open_row(
                     rows,
                     found,
                     i,
-                    total,
+                    fixed,
                     q,
                     n,
                     overlap,

@@ -14,6 +14,8 @@ from dembench.solver.walls.records import WallOptions
 
 AHEAD = wp.constant(12)
 """How many rows ahead the second body of a row is asked for."""
+OWN, BRIDGE = wp.constant(0), wp.constant(1)
+"""Kinds of segments of the rows: those of a thread, and those across the ranges of threads and of large bodies."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,7 @@ class CompliantOptions:
         periodic: Whether some axis of the domain is periodic.
         rotation: Whether bodies have spins.
         radii: Whether bodies have different radii.
+        threads: Whether several threads share a step.
     """
 
     law: LawOptions = field(default_factory=LawOptions)
@@ -39,6 +42,7 @@ class CompliantOptions:
     periodic: bool = False
     rotation: bool = True
     radii: bool = True
+    threads: bool = False
 
     @property
     def shared(self) -> bool:
@@ -50,6 +54,8 @@ class CompliantOptions:
 def compliant_types(precision: str) -> Any:
     """The record CompliantRows.
 
+    The rows stand in segments, one for each thread and last the bridge.
+
     i, j: indices into u, j behind the last body where i meets a wall; slot: place of the contact memory.
 
     a: normal from j to i (0-2), overlap (negative: gap) and lever arm of i (7), all in the middle of the substep;
@@ -57,10 +63,11 @@ def compliant_types(precision: str) -> Any:
 
     b: tangential spring (0-2), lever arm of j, impulse on i (4-6).
 
-    c: constants of the rows that do not share one table row, counted from the first of them.
+    c: constants of the rows, or, where pairs share theirs, of the rows of walls, at the places of their candidates, and
+    behind them of those of large bodies. Those of row r stand at r - shift, with a shift for each segment.
 
     u: change of velocity in the substep (0-2), inverse mass, change of angular velocity (4-6), inverse moment of
-    inertia, of bodies and, last, of what does not move.
+    inertia, of bodies and, behind them, of what does not move, once for each thread.
     """
     t = types(precision)
     vec8 = t.vec8

@@ -1,4 +1,10 @@
-"""The compliant step on the CPU: one serial launch carries the simulation through many steps and their substeps."""
+"""The compliant step on the CPU: a launch carries a thread through many steps and their substeps.
+
+Every thread has a range of the sorted bodies. It opens and solves the rows within its range and those at walls: its
+segment of the rows. The rows across two ranges and those of large bodies are one more segment, the bridge, which the
+first thread opens and solves while the others wait. So the bits of a result depend on the number of threads, as those
+of Gauss-Seidel sweeps do on the order of the rows, and on nothing else.
+"""
 
 from functools import cache
 from typing import Any
@@ -8,6 +14,8 @@ import warp as wp
 from dembench.solver.contacts import load_functions
 from dembench.solver.impulse.compliant_opening import opening_functions
 from dembench.solver.impulse.compliant_rows import (
+    BRIDGE,
+    OWN,
     CompliantOptions,
     compliant_access,
     compliant_types,
@@ -17,34 +25,38 @@ from dembench.solver.impulse.compliant_sweep import sweep_function
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, ROW_OVERFLOW
+from dembench.solver.sync import barrier
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
-FLAGS, TRAVEL = 12, 10
-"""Lengths of `state` and `travel`."""
+FLAGS, TRAVEL = 10, 10
+"""Lengths of `state` and `travel` before what each segment of the rows, and each thread, has there."""
+PER_SEGMENT, PER_THREAD = 2, 5
+"""Entries of a segment in `state` and of a thread in `travel`."""
 
 
 @cache
 def compliant_kernel(o: CompliantOptions) -> Any:
-    """The kernel that makes up to `steps` steps, of which the scene has made `first`.
+    """The kernel that carries one thread through up to `steps` steps, of which the scene has made `first`.
 
     Each substep: half a drift; rows from the near pairs, the candidates of large bodies and the walls; their first
     impulses; sweeps; half a drift with the new velocities. `substeps` is the number of substeps of a step, 0 where
     `limit`, the largest h omega, decides. With `driven` = 1 the load of the bodies acts on them all the time. A launch
     may come back within a step, with `state[5]` substeps to go, and goes on there; where the lists were built anew,
-    what is left of the step is divided anew.
+    what is left of the step is divided anew. The rows of segment s begin at row_base[s]; the bridge is the last one.
 
-    `state` (int32): 2 steps done, 3 reason for coming back, 4 rows of the last substep, 5 substeps left, 6 direction of
-    the next sweep, 7 substeps made in this step, 8 fewest and 9 most substeps of a step,
-    10 and 11 first rows of large bodies and of walls.
+    `state` (int32): 0, 1 barrier, 2 steps done, 3 reason for coming back, 5 substeps left, 6 direction of the next
+    sweep, 7 substeps made in this step, 8 fewest and 9 most substeps of a step; from FLAGS on for each segment: where
+    its rows of walls or of large bodies begin, and where they end.
 
     `travel` (float64): 0 since the lists were built, 1 since the near pairs were picked, 2 of large and small bodies
-    since the candidates were listed, 3 largest overlap, 4 gap up to which pairs count as near and 5 bodies as
-    candidates, 6 substep, 7 that of the last substep made, 8 substeps made in all, 9 travel of the fastest small body
-    in a substep.
+    since the candidates were listed, 4 gap up to which pairs count as near and 5 bodies as candidates, 6 substep, 7
+    that of the last substep made, 8 substeps made in all, 9 travel of the fastest small body in a substep; from TRAVEL
+    on for each thread: largest squared speed of small and of large bodies, sum of squared speeds, largest omega^10,
+    largest overlap.
     """
     t = types(o.law.precision)
     real, vec4, vec8 = t.real, t.vec4, t.vec8
@@ -64,7 +76,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     of_loads, loads = wall_load_functions(o.walls), o.walls.loads
     get_load, rotation = load_functions(o.law.precision, o.rotation).get, o.rotation
     clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
-    bigs, friction, shared = o.bigs, o.law.friction, o.shared
+    bigs, friction, shared, threads = o.bigs, o.law.friction, o.shared, o.threads
+    segments, slots = wp.constant(FLAGS), wp.constant(TRAVEL)
 
     @wp.func
     def begin(b: Bodies, rows: Rows, i: int, h: real, fall: vec4, driven: int):
@@ -107,6 +120,14 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         return wp.dot(v, v)
 
     @wp.func
+    def shift_of(row: int, place: int):
+        """How far the constants of a segment's rows of walls or large bodies stand from them; see `compliant_types`."""
+        shift = int(0)
+        if wp.static(shared):
+            shift = row - place
+        return shift
+
+    @wp.func
     def speed2(b: Bodies, first: int, last: int):
         fastest = wp.float64(0.0)
         for i in range(first, last):
@@ -115,8 +136,9 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         return fastest
 
     @wp.func
-    def load_walls(b: Bodies, lists: Lists, walls: Walls, rows: Rows, begin: int, end: int, dt: wp.float64):
+    def load_walls(b: Bodies, lists: Lists, walls: Walls, part: int, rows: Rows, begin: int, end: int, dt: wp.float64):
         """Hands the impulses of the rows begin..end of a substep to the walls, as forces over the whole step."""
+        poses = part * walls.motions.shape[0]
         for r in range(begin, end):
             a, p = rows.a[r], rows.b[r]
             k = b.kin[rows.i[r]]
@@ -126,11 +148,13 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                 f[c] = wp.float64(p[4 + c]) / dt
             t = -wp.float64(a[7]) * wp.cross(n, f)
             x = wp.vec3d(k[0], k[1], k[2])
-            add_load_to_wall(walls, 0, lists.wall_f[rows.slot[r]], 0, x, f, t, dt)
+            add_load_to_wall(walls, part, lists.wall_f[rows.slot[r]], poses, x, f, t, dt)
 
     @wp.kernel(enable_backward=False, module="unique")
     def advance(
         # inputs
+        part: int,
+        parts: int,
         steps: int,
         substeps: int,
         sweeps: int,
@@ -139,6 +163,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         first: wp.float64,
         dt: wp.float64,
         gravity: wp.vec3d,
+        ranges: wp.array(dtype=wp.int32),
         n: int,
         total: int,
         walls: Walls,
@@ -150,8 +175,10 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         skin: wp.float64,
         near_skin: wp.float64,
         big_skin: wp.float64,
+        base: wp.array(dtype=wp.int32),
+        wall_capacity: int,
         big_capacity: int,
-        row_capacity: int,
+        row_base: wp.array(dtype=wp.int32),
         pair_count: wp.array(dtype=wp.int32),
         wall_count: wp.array(dtype=wp.int32),
         # outputs
@@ -168,20 +195,39 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         if wp.static(shared):
             if n > 0:
                 one = of_pair(b, 0, 0, pair_table, pair_columns)
+        begin_small, end_small = ranges[part], ranges[part + 1]
+        begin_big, end_big = int(n), int(n)
+        if part == 0:
+            end_big = total + 0
+        inside, across, at_walls = 2 * part, 2 * part + 1, part * wall_capacity
+        poses, fixed = part * walls.motions.shape[0], total + part
+        slot = slots + wp.static(PER_THREAD) * part
         since_build, since_near, since_big = wp.float64(travel[0]), wp.float64(travel[1]), wp.float64(travel[2])
-        h, made = wp.float64(travel[6]), wp.float64(travel[7])
-        left = int(state[5])
+        near_gap, big_gap = wp.float64(travel[4]), wp.float64(travel[5])
+        h, made, reach = wp.float64(travel[6]), wp.float64(travel[7]), wp.float64(travel[9])
+        left, direction, within = int(state[5]), int(state[6]), int(state[7])
         done, reason, going = int(0), int(DONE), int(1)
         fresh = int(1)
+        substeps_made = wp.float64(0.0)
+        fewest, most = int(state[8]), int(state[9])
+        deepest = real(0.0)
         fall, finer = vec4(), wp.vec3d()
-        fastest = wp.sqrt(speed2(b, 0, n))
-        fastest_big = wp.sqrt(speed2(b, n, total))
+        fastest, fastest_big = speed2(b, begin_small, end_small), speed2(b, begin_big, end_big)
+        if wp.static(threads):
+            travel[slot] = fastest
+            travel[slot + 1] = fastest_big
+            barrier(state, parts)
+            for p in range(parts):
+                theirs = slots + wp.static(PER_THREAD) * p
+                fastest = wp.max(fastest, travel[theirs])
+                fastest_big = wp.max(fastest_big, travel[theirs + 1])
+        fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
         while going == 1 and (done < steps or left > 0):
             if left == 0 or fresh == 1:
                 ahead = wp.float64(left) * h
                 if left == 0:
                     ahead = dt
-                    state[7] = 0
+                    within = 0
                 if substeps > 0:
                     if left == 0:
                         left = substeps
@@ -190,32 +236,69 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     look = ahead * (fastest + gain)
                     if wp.static(timed):
                         moment = dt * (first + wp.float64(done + 1)) - ahead
-                        place(walls, 0, moment, moment)
+                        place(walls, poses, moment, moment)
                     near_only = int(0)
-                    listed = int(pair_count[0])
-                    if since_near >= zero and two * (since_near + look) <= travel[4]:
+                    listed, listed_across = int(pair_count[inside]), int(pair_count[across])
+                    if since_near >= zero and two * (since_near + look) <= near_gap:
                         near_only = 1
-                        listed = near_count[0]
-                    power = stiff_pairs(b, lists, listed, near_only, one, pair_table, pair_columns, ahead, two * look)
+                        listed, listed_across = near_count[inside] + 0, near_count[across] + 0
+                    power = stiff_pairs(
+                        b, lists, base[inside], listed, near_only, one, pair_table, pair_columns, ahead, two * look
+                    )
+                    if wp.static(threads):
+                        power = wp.max(
+                            power,
+                            stiff_pairs(
+                                b,
+                                lists,
+                                base[across],
+                                listed_across,
+                                near_only,
+                                one,
+                                pair_table,
+                                pair_columns,
+                                ahead,
+                                two * look,
+                            ),
+                        )
                     if wp.static(bigs):
                         look_big = look + ahead * (fastest_big + gain)
-                        if since_big < zero or since_big + look_big > travel[5]:
-                            travel[5] = wp.max(big_skin, two * look_big)
-                            near_count[2] = pick_big(b, lists, n, total, travel[5], big_capacity)
+                        if since_big < zero or since_big + look_big > big_gap:
+                            big_gap = wp.max(big_skin, two * look_big)
+                            if part == 0:
+                                near_count[2 * parts] = pick_big(b, lists, n, total, big_gap, big_capacity)
+                            if wp.static(threads):
+                                barrier(state, parts)
                             since_big = wp.float64(0.0)
-                        if near_count[2] > big_capacity:
+                        if near_count[2 * parts] > big_capacity:
                             reason = int(BIG_OVERFLOW)
                             going = 0
-                        else:
+                        elif part == 0:
                             power = wp.max(
                                 power,
-                                stiff_bigs(b, lists, near_count[2], pair_table, pair_columns, ahead, look_big),
+                                stiff_bigs(b, lists, near_count[2 * parts], pair_table, pair_columns, ahead, look_big),
                             )
                     if wp.static(present):
                         power = wp.max(
                             power,
-                            stiff_walls(b, lists, wall_count[0], walls, wall_table, wall_columns, ahead, gain),
+                            stiff_walls(
+                                b,
+                                lists,
+                                at_walls,
+                                wall_count[part],
+                                walls,
+                                poses,
+                                wall_table,
+                                wall_columns,
+                                ahead,
+                                gain,
+                            ),
                         )
+                    if wp.static(threads):
+                        travel[slot + 3] = power
+                        barrier(state, parts)
+                        for p in range(parts):
+                            power = wp.max(power, travel[slots + wp.static(PER_THREAD) * p + 3])
                     if going == 1:
                         left = wp.max(int(wp.ceil(ahead * frequency(power) / limit)), 1)
                 if going == 1:
@@ -223,9 +306,11 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     f = h * gravity
                     fall = vec4(real(f[0]), real(f[1]), real(f[2]), real(0.0))
                     finer = f - wp.vec3d(wp.float64(fall[0]), wp.float64(fall[1]), wp.float64(fall[2]))
-                    for i in range(total):
+                    for i in range(begin_small, end_small):
                         begin(b, rows, i, real(h), fall, driven)
-                    rows.u[total] = vec8()
+                    for i in range(begin_big, end_big):
+                        begin(b, rows, i, real(h), fall, driven)
+                    rows.u[fixed] = vec8()
                     fresh = 0
             reach = h * (fastest + h * weight)
             if wp.static(meshes):
@@ -233,114 +318,192 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                 reach = wp.max(reach, h * (fastest_big + h * weight))
             if wp.static(timed):
                 reach = wp.max(reach, h * wall_speed)
-            if going == 1 and (since_near < zero or two * (since_near + reach) > travel[4]):
+            if going == 1 and (since_near < zero or two * (since_near + reach) > near_gap):
                 wanted = wp.min(wp.max(near_skin, eight * reach), skin - two * since_build)
                 if wanted < two * reach:
                     reason = int(REBUILD)
                     going = 0
                 else:
-                    travel[4] = wanted
-                    near_count[0] = pick_near(b, lists, 0, pair_count[0], wanted)
+                    near_gap = wanted
+                    near_count[inside] = pick_near(b, lists, base[inside], pair_count[inside], wanted)
+                    if wp.static(threads):
+                        near_count[across] = pick_near(b, lists, base[across], pair_count[across], wanted)
+                        barrier(state, parts)
                     since_near = wp.float64(0.0)
             if wp.static(bigs):
                 reach_big = reach + h * (fastest_big + h * weight)
-                if going == 1 and (since_big < zero or since_big + reach_big > travel[5]):
-                    travel[5] = wp.max(big_skin, two * reach_big)
-                    near_count[2] = pick_big(b, lists, n, total, travel[5], big_capacity)
+                if going == 1 and (since_big < zero or since_big + reach_big > big_gap):
+                    big_gap = wp.max(big_skin, two * reach_big)
+                    if part == 0:
+                        near_count[2 * parts] = pick_big(b, lists, n, total, big_gap, big_capacity)
+                    if wp.static(threads):
+                        barrier(state, parts)
                     since_big = wp.float64(0.0)
-                if going == 1 and near_count[2] > big_capacity:
+                if going == 1 and near_count[2 * parts] > big_capacity:
                     reason = int(BIG_OVERFLOW)
                     going = 0
-            candidates = near_count[0] + wall_count[0]
-            if wp.static(bigs):
-                candidates += near_count[2]
-            if going == 1 and candidates > row_capacity:
-                reason = int(ROW_OVERFLOW)
-                going = 0
-            travel[9] = reach
+            if going == 1:
+                shared_rows = int(0)
+                for p in range(parts):
+                    if near_count[2 * p] + wall_count[p] > row_base[p + 1] - row_base[p]:
+                        reason = int(ROW_OVERFLOW)
+                        going = 0
+                    shared_rows += near_count[2 * p + 1]
+                if wp.static(bigs):
+                    shared_rows += near_count[2 * parts]
+                if shared_rows > row_base[parts + 1] - row_base[parts]:
+                    reason = int(ROW_OVERFLOW)
+                    going = 0
             if going == 1:
                 now = dt * (first + wp.float64(done + 1)) - wp.float64(left) * h
                 half = wp.float64(0.5) * h
                 if wp.static(timed):
-                    place(walls, 0, now + half, now + half)
-                for i in range(total):
+                    place(walls, poses, now + half, now + half)
+                for i in range(begin_small, end_small):
+                    drift(b, i, half)
+                for i in range(begin_big, end_big):
                     drift(b, i, half)
                 step, grown = real(h), real(made)
-                big, overlap = open_pairs(
-                    b, lists, near_count[0], one, pair_table, pair_columns, step, grown, two * reach, rows
+                own, bridge = row_base[part] + 0, row_base[parts] + 0
+                other, overlap = open_pairs(
+                    b,
+                    lists,
+                    base[inside],
+                    near_count[inside],
+                    one,
+                    pair_table,
+                    pair_columns,
+                    step,
+                    grown,
+                    two * reach,
+                    rows,
+                    own,
+                    0,
                 )
-                common = int(0)
-                if wp.static(shared):
-                    common = big + 0
-                wall = big + 0
-                if wp.static(bigs):
-                    wall, overlap_big = open_bigs(
-                        b,
-                        lists,
-                        near_count[2],
-                        n,
-                        total,
-                        pair_table,
-                        pair_columns,
-                        step,
-                        grown,
-                        rows,
-                        big,
-                        common,
-                    )
-                    overlap = wp.max(overlap, overlap_big)
-                travel[3] = wp.max(travel[3], wp.float64(overlap))
-                count = wall + 0
-                if wp.static(meshes and friction):
-                    hand_over(b, lists, walls, 0, 0, wall_count[0], wp.float64(0.0))
+                deepest = wp.max(deepest, overlap)
+                shift = shift_of(other, at_walls)
+                own_end = other + 0
                 if wp.static(present):
-                    count = open_walls(
+                    if wp.static(meshes and friction):
+                        hand_over(b, lists, walls, poses, at_walls, wall_count[part], wp.float64(0.0))
+                    own_end = open_walls(
                         b,
                         lists,
-                        wall_count[0],
+                        at_walls,
+                        wall_count[part],
                         walls,
-                        total,
+                        poses,
+                        fixed,
                         wall_table,
                         wall_columns,
                         step,
                         grown,
                         real(h * weight),
                         rows,
-                        wall,
-                        common,
+                        other,
+                        shift,
                     )
+                bridge_other, bridge_end, bridge_shift = bridge + 0, bridge + 0, int(0)
+                if wp.static(threads):
+                    barrier(state, parts)
+                if part == 0:
+                    if wp.static(threads):
+                        for p in range(parts):
+                            bridge_other, overlap = open_pairs(
+                                b,
+                                lists,
+                                base[2 * p + 1],
+                                near_count[2 * p + 1],
+                                one,
+                                pair_table,
+                                pair_columns,
+                                step,
+                                grown,
+                                two * reach,
+                                rows,
+                                bridge_other,
+                                0,
+                            )
+                            deepest = wp.max(deepest, overlap)
+                    bridge_end = bridge_other + 0
+                    if wp.static(bigs):
+                        bridge_shift = shift_of(bridge_other, parts * wall_capacity)
+                        bridge_end, overlap = open_bigs(
+                            b,
+                            lists,
+                            near_count[2 * parts],
+                            n,
+                            total,
+                            pair_table,
+                            pair_columns,
+                            step,
+                            grown,
+                            rows,
+                            bridge_other,
+                            bridge_shift,
+                        )
+                        deepest = wp.max(deepest, overlap)
+                visited = int(BRIDGE)
                 for s in range(sweeps):
+                    # a sweep goes from the own segment to the bridge, or back
+                    reverse = (direction + s) % 2
                     last = int(0)
                     if s == sweeps - 1:
                         last = 1
-                    sweep(
-                        rows,
-                        count,
-                        common,
-                        big,
-                        wall,
-                        one,
-                        step,
-                        (state[6] + s) % 2,
-                        last,
-                        lists.memory,
-                        lists.big_memory,
-                        lists.wall_memory,
-                    )
+                    for turn in range(2):
+                        kind = (turn + reverse) % 2
+                        if wp.static(threads):
+                            if kind != visited:
+                                barrier(state, parts)
+                        visited = kind + 0
+                        if kind == OWN:
+                            sweep(rows, own, other, own_end, shift, one, step, reverse, last, kind, lists)
+                        elif part == 0:
+                            sweep(
+                                rows,
+                                bridge,
+                                bridge_other,
+                                bridge_end,
+                                bridge_shift,
+                                one,
+                                step,
+                                reverse,
+                                last,
+                                kind,
+                                lists,
+                            )
+                if wp.static(threads):
+                    if visited == BRIDGE:
+                        barrier(state, parts)
                 if wp.static(loads):
-                    if state[7] == 0:
-                        clear_loads(walls, 0)
-                    load_walls(b, lists, walls, rows, wall, count, dt)
+                    if within == 0:
+                        clear_loads(walls, part)
+                    load_walls(b, lists, walls, part, rows, other, own_end, dt)
+                state[segments + 2 * part] = other
+                state[segments + 2 * part + 1] = own_end
+                if part == 0:
+                    state[segments + 2 * parts] = bridge_other
+                    state[segments + 2 * parts + 1] = bridge_end
                 before, before_big = fastest + zero, fastest_big + zero
                 fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
-                for i in range(n):
+                for i in range(begin_small, end_small):
                     speed = end(b, rows, i, half, fall, finer, driven)
                     fastest = wp.max(fastest, speed)
                     check += speed
-                for i in range(n, total):
+                for i in range(begin_big, end_big):
                     speed = end(b, rows, i, half, fall, finer, driven)
                     fastest_big = wp.max(fastest_big, speed)
                     check += speed
+                if wp.static(threads):
+                    travel[slot] = fastest
+                    travel[slot + 1] = fastest_big
+                    travel[slot + 2] = check
+                    barrier(state, parts)
+                    check = wp.float64(0.0)
+                    for p in range(parts):
+                        fastest = wp.max(fastest, travel[slots + wp.static(PER_THREAD) * p])
+                        fastest_big = wp.max(fastest_big, travel[slots + wp.static(PER_THREAD) * p + 1])
+                        check += travel[slots + wp.static(PER_THREAD) * p + 2]
                 fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
                 moved, moved_big = h * wp.max(before, fastest), h * wp.max(before_big, fastest_big)
                 if wp.static(meshes):
@@ -353,30 +516,37 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     since_big += moved + moved_big
                 made = h
                 left -= 1
-                state[4] = count
-                state[10] = big
-                state[11] = wall
-                state[6] = 1 - state[6]
-                state[7] = state[7] + 1
-                travel[8] = travel[8] + wp.float64(1.0)
+                direction = 1 - direction
+                within += 1
+                substeps_made += wp.float64(1.0)
                 if left == 0:
                     done += 1
-                    if state[8] == 0 or state[7] < state[8]:
-                        state[8] = state[7]
-                    state[9] = wp.max(state[9], state[7])
+                    if fewest == 0 or within < fewest:
+                        fewest = within + 0
+                    most = wp.max(most, within)
                 if not wp.isfinite(check):
                     reason = int(NOT_FINITE)
                     going = 0
         if wp.static(timed):
             now = dt * (first + wp.float64(done))
-            place(walls, 0, now, now)
-        travel[0] = since_build
-        travel[1] = since_near
-        travel[2] = since_big
-        travel[6] = h
-        travel[7] = made
-        state[2] = done
-        state[3] = reason
-        state[5] = left
+            place(walls, poses, now, now)
+        travel[slot + 4] = wp.max(travel[slot + 4], wp.float64(deepest))
+        if part == 0:
+            travel[0] = since_build
+            travel[1] = since_near
+            travel[2] = since_big
+            travel[4] = near_gap
+            travel[5] = big_gap
+            travel[6] = h
+            travel[7] = made
+            travel[8] = travel[8] + substeps_made
+            travel[9] = reach
+            state[2] = done
+            state[3] = reason
+            state[5] = left
+            state[6] = direction
+            state[7] = within
+            state[8] = fewest
+            state[9] = most
 
     return advance

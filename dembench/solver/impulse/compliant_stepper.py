@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import numpy as np
 import warp as wp
 
 from dembench.scene import Rigid, Scene, features
 from dembench.solver.guard import SolverError
-from dembench.solver.impulse.compliant_contacts import touching
+from dembench.solver.impulse.compliant_contacts import Segment, touching
 from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types
 from dembench.solver.impulse.compliant_step import (
     FLAGS,
+    PER_SEGMENT,
+    PER_THREAD,
     TRAVEL,
     compliant_kernel,
 )
@@ -20,7 +23,7 @@ from dembench.solver.returns import BIG_OVERFLOW, NOT_FINITE, REBUILD, ROW_OVERF
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
 
-SUBSTEP = 1.0
+SUBSTEP = 1.5
 """Largest substep times the frequency of the stiffest contact; the impact on a bed is the same from 0.6 to 1.2."""
 SKIN, SKIN_SUBSTEPS, SKIN_LIMIT = 0.2, 24, 0.5
 """Gap up to which pairs are listed: at least SKIN smallest diameters; room for SKIN_SUBSTEPS substeps of the fastest
@@ -36,7 +39,7 @@ class CompliantImpulses:
 
     Args:
         scene: Its law and pair laws.
-        state: With one part; the sweeps are serial.
+        state: With a part for each thread.
         dt: Time step [s].
         precision: "float32" or "float64".
         substeps: Substeps per step; None chooses them from the stiffest contact of each step.
@@ -65,15 +68,16 @@ class CompliantImpulses:
             periodic=state.periodic,
             rotation=state.needs.rotation,
             radii=state.needs.radii,
+            threads=state.parts > 1,
         )
         self.kernels = [compliant_kernel(options)]
         self._rows = compliant_types(precision)()
         self._tables = PairTables(scene, state.units, precision, state.lookup)
         self._gravity = wp.vec3d(*(g / state.units.acceleration for g in scene.gravity))
-        self._flags = wp.zeros(FLAGS, dtype=wp.int32, device="cpu")
-        self._travel = wp.zeros(TRAVEL, dtype=wp.float64, device="cpu")
+        self._flags = wp.zeros(FLAGS + PER_SEGMENT * (state.parts + 1), dtype=wp.int32, device="cpu")
+        self._travel = wp.zeros(TRAVEL + PER_THREAD * state.parts, dtype=wp.float64, device="cpu")
         self._steps = 0
-        self._allocate(64)
+        self._allocate(np.full(state.parts + 1, 64))
 
     def prepare(self, first: int = 0) -> None:
         """Builds the lists of the state after `first` steps; springs grow again from the next substep on."""
@@ -91,12 +95,17 @@ class CompliantImpulses:
             SolverError: A velocity is not finite.
         """
         s, t, d = self.state, self._tables, self.state.diameter
-        inputs = [n, self.substeps, self.sweeps, int(self.driven), SUBSTEP, float(first), self.dt, self._gravity]
-        inputs += [s.n, s.total]
-        inputs += [s.walls.record, s.wall_speed, t.pairs, t.pair_columns, t.walls, t.wall_columns]
-        inputs += [s.skin, NEAR_SKIN * d, BIG_SKIN * d, s.big_capacity, len(self._rows.i), s.pair_count, s.wall_count]
-        outputs = [s.bodies, s.lists, self._rows, s.near_count, self._flags, self._travel]
-        wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
+
+        def one(part: int) -> None:
+            inputs = [part, s.parts, n, self.substeps, self.sweeps, int(self.driven), SUBSTEP, float(first), self.dt]
+            inputs += [self._gravity, s.ranges, s.n, s.total]
+            inputs += [s.walls.record, s.wall_speed, t.pairs, t.pair_columns, t.walls, t.wall_columns]
+            inputs += [s.skin, NEAR_SKIN * d, BIG_SKIN * d, s.base, s.wall_capacity, s.big_capacity, self._row_base]
+            inputs += [s.pair_count, s.wall_count]
+            outputs = [s.bodies, s.lists, self._rows, s.near_count, self._flags, self._travel]
+            wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
+
+        s.each_part(one)
         flags, travel = self._flags.numpy(), self._travel.numpy()
         done, reason, left = int(flags[2]), int(flags[3]), int(flags[5])
         self._steps += done
@@ -107,20 +116,21 @@ class CompliantImpulses:
             self._rebuild((first + done) * self.dt + into)
         elif reason == BIG_OVERFLOW:
             s.grow_big()
+            self._allocate(np.diff(self._row_base.numpy()))
             travel[2] = -1.0
         elif reason == ROW_OVERFLOW:
-            self._allocate(int(1.2 * self._candidates()) + 64)
+            self._allocate((1.2 * self._candidates()).astype(int) + 64)
         return done
 
     def largest_overlap(self) -> float:
         """Largest overlap at the start of a substep [scene units]."""
-        return float(self._travel.numpy()[3])
+        return float(self._travel.numpy()[TRAVEL + PER_THREAD - 1 :: PER_THREAD].max())
 
     def counters(self) -> dict[str, float]:
         """Rows of the last substep; fewest, mean and most substeps of a step."""
         flags, travel = self._flags.numpy(), self._travel.numpy()
         return {
-            "rows": int(flags[4]),
+            "rows": sum(s.end - s.begin for s in self._segments()),
             "fewest substeps of a step": int(flags[8]),
             "mean substeps of a step": float(travel[8]) / max(1, self._steps),
             "most substeps of a step": int(flags[9]),
@@ -128,16 +138,33 @@ class CompliantImpulses:
 
     def contacts(self) -> Touching:
         """Contacts with the forces of the last substep; none before the first step and after a change from outside."""
-        s, flags, made = self.state, self._flags.numpy(), float(self._travel.numpy()[7])
-        count, big, wall = int(flags[4]), int(flags[10]), int(flags[11])
         t = self._tables
-        inputs = [count, big, wall, made, s.bodies, s.lists, self._rows, s.walls.record, t.pairs, t.pair_columns]
-        return touching(self._options, inputs, self._rows, wall, made, s.lists)
+        return touching(
+            self._options,
+            self._segments(),
+            self.state,
+            self._rows,
+            t.pairs,
+            t.pair_columns,
+            float(self._travel.numpy()[7]),
+        )
 
-    def _candidates(self) -> int:
+    def _segments(self) -> list[Segment]:
+        """The rows of the last substep."""
+        s = self.state
+        begin, marks = self._row_base.numpy(), self._flags.numpy()[FLAGS:].reshape(-1, PER_SEGMENT)
+        shared = self._options.shared
+        return [
+            Segment(int(begin[k]), int(other), int(end), k < s.parts, int(other) - k * s.wall_capacity if shared else 0)
+            for k, (other, end) in enumerate(marks)
+        ]
+
+    def _candidates(self) -> np.ndarray:
+        """Rows that each segment may have, shape (parts + 1,)."""
         s = self.state
         near = s.near_count.numpy()
-        return int(near[0]) + int(s.wall_count.numpy()[0]) + (int(near[2]) if s.big_rows else 0)
+        bridge = near[1 : 2 * s.parts : 2].sum() + (near[-1] if s.big_rows else 0)
+        return np.append(near[0 : 2 * s.parts : 2] + s.wall_count.numpy(), bridge)
 
     def _rebuild(self, time: float) -> None:
         """Lists with room for the next substeps at the present speeds, at a time [scene units]."""
@@ -147,18 +174,31 @@ class CompliantImpulses:
         s.place_walls(time)
         s.rebuild()
         travel[:3] = 0.0, -1.0, -1.0
-        # the rows of the last substep refer to the old order
-        self._flags.numpy()[4] = 0
-        if len(self._rows.u) <= s.total:
-            self._allocate(len(self._rows.i))
+        if len(self._rows.u) < s.total + s.parts or len(self._rows.c) < self._constants():
+            self._allocate(np.diff(self._row_base.numpy()))
+        self._forget_rows()
 
-    def _allocate(self, n: int) -> None:
-        """Room for n rows."""
+    def _forget_rows(self) -> None:
+        """There are no rows: those of the last substep refer to an order that is gone."""
+        self._flags.numpy()[FLAGS:] = np.repeat(self._row_base.numpy()[:-1], PER_SEGMENT)
+
+    def _constants(self) -> int:
+        """Room that rows need which do not share their constants."""
+        s = self.state
+        if not self._options.shared:
+            return int(self._row_base.numpy()[-1])
+        return s.parts * s.wall_capacity + (s.big_capacity if s.big_rows else 0)
+
+    def _allocate(self, room: np.ndarray) -> None:
+        """Room for the rows of every segment, shape (parts + 1,)."""
         s, rows, vec8 = self.state, self._rows, self.state.types.vec8
+        self._row_base = wp.array(np.append(0, np.cumsum(room)), dtype=wp.int32, device="cpu")
+        n = int(room.sum())
         for name, kind in (("i", wp.int32), ("j", wp.int32), ("slot", wp.int32), ("a", vec8), ("b", vec8)):
             setattr(rows, name, wp.zeros(n, dtype=kind, device="cpu"))
-        rows.c = wp.zeros(n, dtype=s.types.PairClass, device="cpu")
-        rows.u = wp.zeros(s.total + 1, dtype=vec8, device="cpu")
+        rows.c = wp.zeros(self._constants(), dtype=s.types.PairClass, device="cpu")
+        rows.u = wp.zeros(s.total + s.parts, dtype=vec8, device="cpu")
+        self._forget_rows()
 
 
 def unsupported(scene: Scene) -> list[str]:

@@ -88,6 +88,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     def pairs(
         b: Bodies,
         lists: Lists,
+        base: int,
         count: int,
         near: int,
         one: PairClass,
@@ -96,13 +97,15 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         time: wp.float64,
         reach: wp.float64,
     ):
-        """Listed pairs, with `near` = 1 the near ones of them; `one`: see `opening_functions`; `reach` is how far
-        two can approach."""
+        """Listed pairs of a region, with `near` = 1 the near ones of them.
+
+        `one`: see `opening_functions`; `reach` is how far two can approach.
+        """
         largest = wp.float64(0.0)
         for q in range(count):
-            k = q
+            k = base + q
             if near == 1:
-                k = entry(lists.near, q)
+                k = entry(lists.near, base + q)
             i, j = entry(lists.i, k), entry(lists.j, k)
             largest = wp.max(largest, of_two(b, i, j, one, table, columns, time, reach))
         return largest
@@ -128,20 +131,22 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     def walls(
         b: Bodies,
         lists: Lists,
+        base: int,
         count: int,
         features: Walls,
+        poses: int,
         table: wp.array(dtype=PairClass),
         columns: int,
         time: wp.float64,
         fall: wp.float64,
     ):
         largest = wp.float64(0.0)
-        for q in range(count):
+        for q in range(base, base + count):
             i, f = lists.wall_i[q], lists.wall_f[q]
             k = kin(b, i)
             x = wp.vec3d(k[0], k[1], k[2])
-            distance, normal = distance_of(features, f, 0, x)
-            v = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, 0, x)
+            distance, normal = distance_of(features, f, poses, x)
+            v = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, poses, x)
             closing = -wp.dot(v, normal)
             overlap = radius(b, k) - distance
             if overlap + wp.max(closing + fall, wp.float64(0.0)) * time > wp.float64(0.0):

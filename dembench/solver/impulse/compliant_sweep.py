@@ -21,6 +21,7 @@ import warp as wp
 
 from dembench.solver.impulse.compliant_rows import (
     AHEAD,
+    OWN,
     CompliantOptions,
     compliant_access,
     compliant_types,
@@ -28,8 +29,10 @@ from dembench.solver.impulse.compliant_rows import (
 from dembench.solver.impulse.exchange import impulse_function
 from dembench.solver.types import types
 
-NEWTON = wp.constant(1)
-"""Newton iterations of the normal force in a visit; one is exact where the speed stays as it is."""
+NEWTON = 2
+"""Newton iterations of the normal force in a visit."""
+SQUARES = wp.constant(0.125)
+"""Part of (h omega)^2 by which a dashpot is larger in a substep h than it would be with the mean speed."""
 
 
 @cache
@@ -45,65 +48,49 @@ def visit_function(o: CompliantOptions) -> Any:
     friction, linear, no_tension = o.law.friction, o.law.linear, o.law.no_tension
 
     @wp.func
-    def mean_force(kn: real, before: real, after: real):
-        """Mean elastic force between two overlaps (negative: gaps), and its derivative by the second."""
-        zero = real(0.0)
-        force, slope = real(0.0), real(0.0)
-        if wp.max(before, after) > zero:
-            d0, d1 = wp.max(before, zero), wp.max(after, zero)
-            span = after - before
-            if wp.static(linear):
-                force = real(0.5) * kn * (d0 + d1)
-                slope = real(0.5) * kn
-                if wp.min(before, after) < zero:
-                    force = force * (d1 - d0) / span
-                    slope = (kn * d1 - force) / span
-            else:
-                s0, s1 = wp.sqrt(d0), wp.sqrt(d1)
-                share = kn / (s0 + s1)
-                force = real(0.4) * share * (d1 * d1 + s1 * s0 * (d0 + d1) + d1 * d0 + d0 * d0)
-                if wp.min(before, after) < zero:
-                    force = force * (d1 - d0) / span
-                    slope = (kn * d1 * s1 - force) / span
-                else:
-                    cubes = real(0.6) * d1 * s1 + real(1.2) * d1 * s0 + real(0.8) * s1 * d0 + real(0.4) * d0 * s0
-                    slope = share * cubes / (s0 + s1)
-        return force, slope
-
-    @wp.func
-    def powers(overlap: real):
-        """Powers 1/2 and 1/4 of an overlap; in a linear law 1 where the two touch."""
-        root, quarter = real(1.0), real(1.0)
-        if wp.static(linear):
-            if overlap == real(0.0):
-                root, quarter = real(0.0), real(0.0)
-        else:
-            root = wp.sqrt(overlap)
-            quarter = wp.sqrt(root)
-        return root, quarter
-
-    @wp.func
-    def share_of(before: real, after: real):
-        """Part of the way between two overlaps on which the bodies touch."""
-        zero = real(0.0)
+    def normal_law(c: PairClass, before: real, after: real):
+        """Mean elastic force on the way between two overlaps (negative: gaps), its derivative by the second, the mean
+        over the way of the power 1/4 of the overlap, and the mean tangent stiffness that goes with it."""
+        zero, half = real(0.0), real(0.5)
+        force, slope, quarter, stiffness = zero, zero, zero, zero
         deeper = wp.max(before, after)
-        share = real(0.0)
-        if deeper > zero:
-            share = deeper / wp.max(wp.abs(after - before), deeper)
-        return share
-
-    @wp.func
-    def mean_quarter(before: real, after: real):
-        """Mean of the power 1/4 of the overlap over the way; that in its middle where the two touch all the way."""
-        zero = real(0.0)
-        share = share_of(before, after)
-        middle = real(0.5) * (before + after)
-        if wp.min(before, after) < zero:
-            middle = wp.max(before, after)
-            if wp.static(not linear):
-                share = real(0.8) * share
-        _root, quarter = powers(wp.max(middle, zero))
-        return share * quarter
+        if wp.min(before, after) > zero:
+            if wp.static(linear):
+                force = half * c.kn * (before + after)
+                slope = half * c.kn
+                quarter = real(1.0)
+                stiffness = c.kn
+            else:
+                s0, s1 = wp.sqrt(before), wp.sqrt(after)
+                inverse = real(1.0) / (s0 + s1)
+                both = s0 * s1
+                share = real(0.4) * c.kn * inverse
+                force = share * (after * after + before * before + both * (before + after + both))
+                cubes = after * (real(1.5) * s1 + real(3.0) * s0) + before * (real(2.0) * s1 + s0)
+                slope = share * inverse * cubes
+                root = wp.sqrt(half * (before + after))
+                quarter = wp.sqrt(root)
+                stiffness = real(1.5) * c.kn * root
+        elif deeper > zero:
+            # they touch on a part of the way only
+            span = after - before
+            part = deeper / wp.abs(span)
+            if wp.static(linear):
+                force = half * c.kn * deeper * part
+                slope = -force / span
+                if after > zero:
+                    slope = (c.kn * after - force) / span
+                quarter = part
+                stiffness = c.kn * part
+            else:
+                root = wp.sqrt(deeper)
+                force = real(0.4) * c.kn * deeper * root * part
+                slope = -force / span
+                if after > zero:
+                    slope = (c.kn * after * root - force) / span
+                quarter = real(0.8) * part * wp.sqrt(root)
+                stiffness = real(1.5) * c.kn * root * part
+        return force, slope, quarter, stiffness
 
     @wp.func
     def visit(a: vec8, b: vec8, ui: vec8, uj: vec8, c: PairClass, h: real):
@@ -124,14 +111,11 @@ def visit_function(o: CompliantOptions) -> Any:
         ahead = half * h
         first = overlap + ahead * before
 
-        quarter = mean_quarter(first, overlap - ahead * vn)
-        dashpot = c.dn * quarter
-        v = vn + zero
-        force = real(0.0)
+        v, force, quarter = vn + zero, zero, zero
         for _k in range(wp.static(NEWTON)):
-            mean = half * (before + v)
-            value, slope = mean_force(c.kn, first, overlap - ahead * v)
-            value = value - dashpot * mean
+            value, slope, quarter, stiffness = normal_law(c, first, overlap - ahead * v)
+            dashpot = c.dn * quarter * (real(1.0) + real(SQUARES) * h * h * w * stiffness)
+            value = value - dashpot * half * (before + v)
             slope = half * (h * slope + dashpot)
             step = (free + w * h * value - v) / (real(1.0) + w * h * slope)
             force = value - slope * step
@@ -147,22 +131,28 @@ def visit_function(o: CompliantOptions) -> Any:
             slid = start - before * n
             slip = g - vn * n - wt * lt
             left = overlap - ahead * v
-            touching = share_of(first, left)
-            root, _quarter = powers(wp.max(left, zero))
+            kt = zero
+            touching = real(1.0)
+            if wp.min(first, left) <= zero:
+                touching = zero
+                deeper = wp.max(first, left)
+                if deeper > zero:
+                    touching = deeper / wp.max(wp.abs(left - first), deeper)
             if wp.static(linear):
-                root = real(1.0)
-            kt = touching * c.kt * root
+                kt = touching * c.kt
+            elif left > zero:
+                kt = touching * c.kt * wp.sqrt(left)
             resist = half * touching * kt * h + c.dt * quarter
             lt = (kt * xi + half * resist * (slid + slip)) * (-h / (real(1.0) + ahead * resist * wt))
             end = xi + touching * ahead * (slid + slip + wt * lt)
-            stretched = kt * wp.length(end)
             bound = c.mu * wp.abs(force)
-            if bound == real(0.0):
+            stretched = kt * kt * wp.dot(end, end)
+            if bound == zero:
                 # also where no spring is stretched any more: a dashpot needs friction, too
                 end = vec3()
                 lt = vec3()
-            elif stretched > bound:
-                end = end * (bound / stretched)
+            elif stretched > bound * bound:
+                end = end * (bound / wp.sqrt(stretched))
                 lt = end * (-h * kt)
             xi = end - ahead * (slip + wt * lt)
             p = p + lt
@@ -177,13 +167,14 @@ def visit_function(o: CompliantOptions) -> Any:
 
 @cache
 def sweep_function(o: CompliantOptions) -> Any:
-    """A Warp function (rows, count, common, ..., memories) that visits every row once, forwards or backwards.
+    """A Warp function (rows, first, other, end, ...) that visits the rows of a segment once, either way.
 
-    The first `common` rows share the constants `one`; `big` and `wall` are the first rows of large bodies and of walls.
-    In the last sweep of a substep the springs are remembered.
+    Rows first..other are those of pairs of small bodies, rows other..end those of walls or, in the bridge, of large
+    bodies; pairs that share their constants have `one`, see `compliant_types` for those of others. In the last sweep of
+    a substep the springs are remembered.
     """
     t = types(o.law.precision)
-    real, vec4, vec8, PairClass = t.real, t.vec4, t.vec8, t.PairClass
+    real, vec4, vec8, PairClass, Lists = t.real, t.vec4, t.vec8, t.PairClass, t.Lists
     Rows = compliant_types(o.law.precision)
     native = compliant_access(o.law.precision, o.rotation)
     entry, change_of, set_change = native.entry, native.change_of, native.set_change
@@ -200,26 +191,25 @@ def sweep_function(o: CompliantOptions) -> Any:
     @wp.func
     def sweep(
         rows: Rows,
-        count: int,
-        common: int,
-        big: int,
-        wall: int,
+        first: int,
+        other: int,
+        end: int,
+        shift: int,
         one: PairClass,
         h: real,
         reverse: int,
         last: int,
-        memory: wp.array(dtype=vec4),
-        big_memory: wp.array(dtype=vec4),
-        wall_memory: wp.array(dtype=vec4),
+        kind: int,
+        lists: Lists,
     ):
         current = int(-1)
         ui = vec8()
-        for q in range(count):
+        for q in range(first, end):
             r = q
-            ahead = wp.min(q + AHEAD, count - 1)
+            ahead = wp.min(q + AHEAD, end - 1)
             if reverse == 1:
-                r = count - 1 - q
-                ahead = count - 1 - ahead
+                r = end - 1 + first - q
+                ahead = end - 1 + first - ahead
             ask_change(rows, entry(rows.j, ahead))
             i, j = entry(rows.i, r), entry(rows.j, r)
             if i != current:
@@ -231,10 +221,10 @@ def sweep_function(o: CompliantOptions) -> Any:
             a, b = geometry_of(rows, r), impulse_of(rows, r)
             c = one
             if wp.static(shared):
-                if r >= common:
-                    c = rows.c[r - common]
+                if r >= other:
+                    c = rows.c[r - shift]
             else:
-                c = rows.c[r]
+                c = rows.c[r - shift]
             p, turn, change, xi, touches = visit(a, b, ui, uj, c, h)
             ui = after(ui, change, turn, a[7])
             set_change(rows, j, after(uj, -change, turn, b[3]))
@@ -243,12 +233,12 @@ def sweep_function(o: CompliantOptions) -> Any:
                 if last == 1:
                     kept = vec4(xi[0], xi[1], xi[2], touches)
                     slot = entry(rows.slot, r)
-                    if r < big:
-                        set_memory(memory, slot, kept)
-                    elif r < wall:
-                        set_memory(big_memory, slot, kept)
+                    if r < other:
+                        set_memory(lists.memory, slot, kept)
+                    elif kind == OWN:
+                        set_memory(lists.wall_memory, slot, kept)
                     else:
-                        set_memory(wall_memory, slot, kept)
+                        set_memory(lists.big_memory, slot, kept)
         if current >= 0:
             set_change(rows, current, ui)
 
