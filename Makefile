@@ -1,5 +1,5 @@
 # make run     sets everything up, runs case 3 (quick) on three engines, ends with the path of the report
-# make test    sets everything up, runs the tests
+# make test    sets everything up, runs the tests on the cores that there are
 # make verify  sets everything up, runs the suites of known answers, ends with the path of the page
 # make bench   times the solver's kernels and compares with the baseline
 # make slow    the tests that take minutes: physics on full beds, planted regressions
@@ -20,7 +20,7 @@ run: $(READY) engines
 	  --engines peclet,peclet-hertz$$(command -v liggghts >/dev/null && echo ,liggghts)
 
 test: $(READY) engines browser
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --benchmark-disable
 
 verify: $(READY)
 	@$(BIN)/dembench verify --engines peclet --out $(OUT)/verify

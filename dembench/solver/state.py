@@ -106,7 +106,8 @@ class State(BodyArrays):
     def _balance(self) -> None:
         """Cuts the sorted bodies anew, so that every thread has as much work: the pairs listed last, and the bodies."""
         if self.parts > 1:
-            work = self.pair_count.numpy().reshape(-1, 2).sum(axis=1) + np.diff(self.ranges_host)
+            # one more, so that a range without bodies keeps its place
+            work = self.pair_count.numpy().reshape(-1, 2).sum(axis=1) + np.diff(self.ranges_host) + 1
             done = np.append(0, np.cumsum(work))
             self.cuts = np.interp(np.linspace(0, done[-1], self.parts + 1), done, self.cuts)
             self.divide()

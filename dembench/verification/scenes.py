@@ -11,6 +11,7 @@ import numpy as np
 
 from dembench.scene import (
     Bodies,
+    Cylinder,
     Domain,
     HertzMindlin,
     Material,
@@ -171,13 +172,18 @@ def _domain(
     gravity: Sequence[float],
     walls: Sequence[WallShape],
 ) -> Domain:
-    """A box that the bodies do not leave: as far as they fly, and little beyond planes across an axis."""
+    """A box that the bodies do not leave: as far as they fly, as wide as barrels, little beyond planes."""
     position = np.array([b.position for b in bodies])
     speed = np.abs([b.velocity for b in bodies]).max(axis=0)
     room = 6 * max(k.radius for k in kinds.values())
     way = room + speed * duration + 0.5 * np.abs(gravity) * duration**2
     lower, upper = position.min(axis=0) - way, position.max(axis=0) + way
     for wall in walls:
+        if isinstance(wall, Cylinder):
+            start, end = np.array(wall.start), np.array(wall.end)
+            across = start == end
+            lower = np.where(across, np.minimum(lower, start - wall.radius - room), lower)
+            upper = np.where(across, np.maximum(upper, start + wall.radius + room), upper)
         if isinstance(wall, Plane) and np.count_nonzero(wall.normal) == 1:
             axis = int(np.argmax(np.abs(wall.normal)))
             if wall.normal[axis] > 0:

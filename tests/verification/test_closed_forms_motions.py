@@ -10,12 +10,24 @@ from typing import Any
 import numpy as np
 import pytest
 from reading import Page
+from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 from dembench.cli import app
 from dembench.results.schema import SnapshotSeries
 from dembench.verification.checks import Check, Experiment
-from dembench.verification.closed_forms import chains, clusters, inclines, mfix, on_floor, order, tops, walton, wedge
+from dembench.verification.closed_forms import (
+    chains,
+    clusters,
+    inclines,
+    mfix,
+    on_floor,
+    order,
+    tops,
+    trough,
+    walton,
+    wedge,
+)
 from dembench.verification.scenes import MOTION
 from dembench.verification.suites import suite
 
@@ -263,3 +275,54 @@ def test_an_engine_meets_what_it_must(tmp_path: Path) -> None:
     assert {"CO3a", "CO4e", "IM3a", "SR10a", "SR10f"} <= {row["id"] for row in rows}
     page = Page((tmp_path / "closed-forms.html").read_text())
     assert list(page.figures) == ["oblique", "restitution", "cradle"]
+
+
+# ---- trough
+
+
+def rolled(turned_by: float = 0.0) -> SnapshotSeries:
+    """The ball by its equation of motion, with the overlap of Hertz; `turned_by` is added to the force over m g."""
+    scene, ball = trough.scene(), trough.BALL
+    time = np.array(scene.frame_times())
+    rho = trough.TROUGH - ball.radius
+    found = solve_ivp(
+        lambda _t, s: [s[1], -5 / 7 * GRAVITY / rho * np.sin(s[0])],
+        (0, time[-1]),
+        [trough.START, 0.0],
+        t_eval=time,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    angle, speed = found.y[0], rho * found.y[1]
+    force = ball.mass * (GRAVITY * (np.cos(angle) + turned_by) + speed**2 / rho)
+    depth = (force / (4 / 3 * ball.modulus * np.sqrt(ball.radius))) ** (2 / 3)
+    zero = np.zeros_like(time)
+    position = np.stack([zero, (rho + depth) * np.sin(angle), -(rho + depth) * np.cos(angle)], axis=1)
+    velocity = np.stack([zero, speed * np.cos(angle), speed * np.sin(angle)], axis=1)
+    return SnapshotSeries(np.arange(len(time)), time, position[:, None], velocity[:, None], np.zeros((len(time), 1, 3)))
+
+
+def test_a_ball_in_a_trough_is_measured() -> None:
+    """The pendulum meets all checks; a spring that does not turn takes (2/7) m g (1 - cos) off the wall and is seen."""
+    assert accepted("trough", measured("trough", trough.scene(), rolled())) == {"TR1a", "TR1b", "TR1c", "TR1d"}
+    spring = -2 / 7 * (1 - np.cos(trough.START))
+    assert accepted("trough", measured("trough", trough.scene(), rolled(spring))) == {"TR1a", "TR1b", "TR1c"}
+
+
+def test_a_ball_that_stays_in_the_trough_has_no_period() -> None:
+    assert accepted("trough", measured("trough", trough.scene(), still(trough.scene()))) == set()
+
+
+def test_pairs_of_materials_are_told_apart() -> None:
+    """No two pairs have restitutions that a check would take for each other."""
+    expected = sorted(check.expected for check in checks("pair_table").values())
+    assert np.diff(expected).min() > 2 * next(iter(checks("pair_table").values())).tolerance
+
+
+@pytest.mark.parametrize("name", ["trough", "meetings", "pair_table"])
+def test_both_solvers_meet_all_checks(name: str, tmp_path: Path) -> None:
+    ids = ",".join(sorted({id[:2] for id in checks(name)}))
+    command = ["verify", "--suite", "closed-forms", "--only", ids, "--engines", "peclet,peclet-hertz"]
+    done = CliRunner().invoke(app, [*command, "--json", "--out", str(tmp_path)])
+    rows = json.loads(done.stdout)["rows"]
+    assert {row["status"] for row in rows} == {"ok"} and len(rows) == 2 * len(checks(name))
