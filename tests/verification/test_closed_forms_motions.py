@@ -319,7 +319,7 @@ def test_pairs_of_materials_are_told_apart() -> None:
     assert np.diff(expected).min() > 2 * next(iter(checks("pair_table").values())).tolerance
 
 
-@pytest.mark.parametrize("name", ["trough", "meetings", "pair_table"])
+@pytest.mark.parametrize("name", ["trough", "meetings", "pair_table", "crystal"])
 def test_both_solvers_meet_all_checks(name: str, tmp_path: Path) -> None:
     ids = ",".join(sorted({id[:2] for id in checks(name)}))
     command = ["verify", "--suite", "closed-forms", "--only", ids, "--engines", "peclet,peclet-hertz"]
