@@ -36,7 +36,9 @@ def _collisions() -> list[tuple[str, str]]:
 
 def scene() -> Scene:
     """Every pair collides once, far from the others: a plate of felt below, one of slate above."""
-    position, velocity, species = [], [], []
+    position: list[tuple[float, float, float]] = []
+    velocity: list[tuple[float, float, float]] = []
+    species: list[int] = []
     for k, (a, b) in enumerate(_collisions()):
         y = k * APART
         if b in PLATES:

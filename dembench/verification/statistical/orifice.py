@@ -98,7 +98,7 @@ def constant(rate: float, density: float, width: float) -> float:
     return rate / (density * math.sqrt(GRAVITY) * (width - EMPTY * DIAMETER) ** 2.5)
 
 
-def exponent(rates: Sequence[float], widths: Sequence[float]) -> float:
+def exponent(rates: np.ndarray, widths: np.ndarray) -> float:
     """Slope of the logarithm of the rates over that of D - k d, 5/2 in Beverloo's law.
 
     Args:
