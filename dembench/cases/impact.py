@@ -125,8 +125,9 @@ class Impact(Case):
 
     def references(self, scene: Scene, parameters: ImpactParameters, preset: Preset) -> list[Reference]:
         """See `Case.references`; what holds depends on whether the bed is that of the published file."""
-        known = parameters.bed if preset == "published" and not parameters.changed() else None
-        return impact_scores.references(scene, published("impact"), known)
+        if parameters.changed():
+            return impact_scores.necessary(scene)
+        return impact_scores.references(scene, published("impact"), parameters.bed if preset == "published" else None)
 
     def statistics(self) -> Statistics:
         """See `Case.statistics`."""

@@ -118,10 +118,10 @@ def _fall(scene: Scene, time: float | np.ndarray) -> Any:
 
 
 def references(scene: Scene, published: Mapping[str, Any], bed: str | None) -> list[Reference]:
-    """What holds for this scene; `bed` None is the quick bed, for which nothing was published."""
-    found = _necessary(scene)
+    """What holds for a scene with the published contacts; `bed` None is the quick one, with ensembles of our own."""
+    found = necessary(scene)
     if bed is None:
-        return found
+        return found + [stated(entry, QUANTITIES) for entry in published["quick"]["references"]]
     if bed == "25k":
         found.append(_deepest_25k(published))
     found += [
@@ -158,7 +158,7 @@ def _deepest_25k(published: Mapping[str, Any]) -> Reference:
     )
 
 
-def _necessary(scene: Scene) -> list[Reference]:
+def necessary(scene: Scene) -> list[Reference]:
     """Conditions that every correct run meets, whatever the bed."""
     fall = float(_fall(scene, free_fall_end(scene)))
     ball = _ball(scene)

@@ -64,9 +64,10 @@ def run(
     Exit code 0: every run is ok, or of a recipe has come to its end, accurate or not; 1: one is not, or a curve of a
     recipe stays flat where it must not; 2: a usage error.
     """
-    options = given(
-        initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
-    )
+    with usage_errors():
+        options = given(
+            initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
+        )
     chosen, planned = _planned(what, engines, out, options, json_)
     runs = _each_once(planned)
     if not json_:
@@ -111,9 +112,10 @@ def plan(
 
     Initial states that `run` would generate first are not generated: estimates count their particles alone.
     """
-    options = given(
-        initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
-    )
+    with usage_errors():
+        options = given(
+            initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
+        )
     chosen, planned = _planned(what, engines, out, options, json_, settle=False)
     runs = _each_once(planned)
     rows = console.plan_rows(runs, fresh)

@@ -297,14 +297,37 @@ def test_a_bed_of_ones_own_is_compared_with_the_ensemble(given):
     assert references["deepest"].low < -0.1386 and references["deepest"].high > -0.1384
 
 
-def test_nothing_is_published_for_the_quick_bed(quick):
-    scores = scored(quick, record(quick, like_the_quick_bed), "quick")
-    judged = {name for name, s in scores.items() if s.within is not None}
-    assert judged == {"free_fall", "floor_clearance", "energy_excess"}
-    assert all(scores[name].within for name in judged)
-    assert verdict(scores.values()) == "unscored"
-    bad = scored(quick, record(quick, lambda t: -5 * t), "quick")
-    assert verdict(bad.values()) == "inaccurate"
+def test_the_quick_bed_has_ensembles_of_its_own(quick):
+    """A path through their means is ok; one that stops at a depth before 25 ms is not, and only they see it."""
+    means = {r.quantity: r.value for r in references_of_quick(quick)}
+
+    def like_the_ensembles(time):
+        depths = [fall(0.02), means["descent_25ms"], means["descent_27ms"], means["deepest"]]
+        path = np.interp(time, [0.02, 0.025, 0.027, 0.034], depths)
+        return np.where(time < 0.02, fall(time), path)
+
+    def fall(time):
+        return -5 * time - 0.5 * 9.81 * np.asarray(time) ** 2
+
+    scores = scored(quick, record(quick, like_the_ensembles), "quick")
+    necessary = {"free_fall", "floor_clearance", "energy_excess"}
+    ensembles = {"descent_25ms", "descent_27ms", "deepest"}
+    assert {name for name, s in scores.items() if s.within} == necessary | ensembles
+    assert verdict(scores.values()) == "ok"
+    stopped = scored(quick, record(quick, like_the_quick_bed), "quick")
+    assert {name for name, s in stopped.items() if s.within is False} <= ensembles
+    assert verdict(stopped.values()) == "inaccurate"
+
+
+def references_of_quick(scene):
+    found, parameters = parse_case("case3")
+    return found.references(scene, parameters, "quick")
+
+
+def test_changed_contacts_have_no_ensembles(quick):
+    found, parameters = parse_case("case3[friction=0.1]")
+    known = {r.quantity for r in found.references(quick, parameters, "quick")}
+    assert known == {"free_fall", "floor_clearance", "energy_excess"}
 
 
 def test_a_run_that_was_cut_has_no_end_point(published_scene):
