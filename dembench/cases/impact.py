@@ -125,9 +125,7 @@ class Impact(Case):
 
     def references(self, scene: Scene, parameters: ImpactParameters, preset: Preset) -> list[Reference]:
         """See `Case.references`; what holds depends on whether the bed is that of the published file."""
-        if parameters.changed():
-            return impact_scores.necessary(scene)
-        return impact_scores.references(scene, published("impact"), parameters.bed if preset == "published" else None)
+        return impact_scores.references(scene, published("impact"), parameters, preset)
 
     def statistics(self) -> Statistics:
         """See `Case.statistics`."""
@@ -135,8 +133,7 @@ class Impact(Case):
 
     def reference_curves(self, scene: Scene, parameters: ImpactParameters, preset: Preset) -> list[Curve]:
         """See `Case.reference_curves`."""
-        known = parameters.bed if preset == "published" and not parameters.changed() else None
-        return impact_scores.curves(scene, published("impact"), known)
+        return impact_scores.curves(scene, published("impact"), parameters, preset)
 
     def pictures(self, scene: Scene) -> list[Picture]:
         """See `Case.pictures`."""

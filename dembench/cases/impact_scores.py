@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dembench.cases.base import Curve, Quantity, Recorded, Reference
-from dembench.cases.publication import stated
+from dembench.cases.base import Curve, Preset, Quantity, Recorded, Reference
+from dembench.cases.publication import cited, stated
 from dembench.cases.quantities import lowest, sample_at, titled
 from dembench.scene import Box, Scene
 
@@ -117,17 +117,19 @@ def _fall(scene: Scene, time: float | np.ndarray) -> Any:
     return scene.bodies.velocity[_ball(scene), 2] * time + 0.5 * scene.gravity[2] * time**2
 
 
-def references(scene: Scene, published: Mapping[str, Any], bed: str | None) -> list[Reference]:
-    """What holds for a scene with the published contacts; `bed` None is the quick one, with ensembles of our own."""
-    found = necessary(scene)
-    if bed is None:
-        return found + [stated(entry, QUANTITIES) for entry in published["quick"]["references"]]
-    if bed == "25k":
+def references(scene: Scene, published: Mapping[str, Any], parameters: Any, preset: Preset) -> list[Reference]:
+    """What holds for a variant: published numbers, or ensembles of our own for the quick bed; see `Case.references`."""
+    found = _necessary(scene)
+    if preset == "quick":
+        return found + cited(published["quick"], QUANTITIES, parameters)
+    if parameters.changed():
+        return found
+    if parameters.bed == "25k":
         found.append(_deepest_25k(published))
     found += [
         stated(entry, QUANTITIES)
         for entry in published["references"]
-        if _applies(entry, scene, bed) and _same_end(entry["quantity"], scene, published)
+        if _applies(entry, scene, parameters.bed) and _same_end(entry["quantity"], scene, published)
     ]
     return found
 
@@ -158,7 +160,7 @@ def _deepest_25k(published: Mapping[str, Any]) -> Reference:
     )
 
 
-def necessary(scene: Scene) -> list[Reference]:
+def _necessary(scene: Scene) -> list[Reference]:
     """Conditions that every correct run meets, whatever the bed."""
     fall = float(_fall(scene, free_fall_end(scene)))
     ball = _ball(scene)
@@ -198,17 +200,19 @@ def necessary(scene: Scene) -> list[Reference]:
     ]
 
 
-def curves(scene: Scene, published: Mapping[str, Any], bed: str | None) -> list[Curve]:
-    """The free fall until the first contact, and the points known of the published runs."""
+def curves(scene: Scene, published: Mapping[str, Any], parameters: Any, preset: Preset) -> list[Curve]:
+    """The free fall until the first contact, and the points known of the published runs of this variant."""
     time = np.linspace(0, min(first_contact(scene), scene.duration), 20)
     found = [Curve("ball_displacement", "free fall", time, _fall(scene, time), None, None, "v0 t + g t^2/2")]
+    if preset == "quick" or parameters.changed():
+        return found
     for entry in published["curves"]:
-        if bed is not None and _applies(entry, scene, bed):
+        if _applies(entry, scene, parameters.bed):
             low, high = np.array(entry["low"]), np.array(entry["high"])
             points = np.array(entry["time"]), np.array(entry["value"])
             source = f"{entry['source']}; doi {published['doi']}"
             found.append(Curve(entry["observable"], entry["label"], *points, low, high, source, points=True))
-    for reference in references(scene, published, bed):
+    for reference in references(scene, published, parameters, preset):
         if reference.quantity == "end_point" and reference.value is not None and reference.low is not None:
             band = (np.array([reference.low]), np.array([reference.high]))
             point = (np.array([scene.duration]), np.array([reference.value]))

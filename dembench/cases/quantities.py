@@ -56,6 +56,12 @@ def sample_at(time: np.ndarray, value: np.ndarray, when: float) -> float | None:
     return float(np.interp(when, time, value))
 
 
+def crossings(time: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Times at which a series changes its sign [s], linear between samples; a sample of zero counts with the next."""
+    k = np.flatnonzero((value[:-1] < 0) != (value[1:] < 0))
+    return time[k] + (time[k + 1] - time[k]) * value[k] / (value[k] - value[k + 1])
+
+
 def lowest(time: np.ndarray, value: np.ndarray) -> tuple[float, float] | None:
     """Time [s] and value of the lowest sample; None where the record ends in the fall.
 

@@ -68,7 +68,7 @@ def run(
         options = given(
             initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
         )
-    chosen, planned = _planned(what, engines, out, options, json_)
+        chosen, planned = _planned(what, engines, out, options, json_)
     runs = _each_once(planned)
     if not json_:
         _say_what_runs(chosen.requests, runs)
@@ -116,7 +116,7 @@ def plan(
         options = given(
             initial=initial, preset=preset, division=division, seeds=seeds, repeat=repeat, time=time, timeout=timeout
         )
-    chosen, planned = _planned(what, engines, out, options, json_, settle=False)
+        chosen, planned = _planned(what, engines, out, options, json_, settle=False)
     runs = _each_once(planned)
     rows = console.plan_rows(runs, fresh)
     if json_:
@@ -239,10 +239,9 @@ def _planned(
     what: Sequence[str], engines: str | None, out: Path, options: Mapping[str, Any], quiet: bool, settle: bool = True
 ) -> tuple[Asked, list[list[PlannedRun]]]:
     """What was asked for and its runs, of each request; see `campaign.planned` for `settle`."""
-    with usage_errors():
-        chosen = asked(what, engines, out, options)
-        with console.bar(quiet) as progress:
-            return chosen, campaign.planned(chosen.requests, progress, settle)
+    chosen = asked(what, engines, out, options)
+    with console.bar(quiet) as progress:
+        return chosen, campaign.planned(chosen.requests, progress, settle)
 
 
 def _each_once(blocks: Sequence[Sequence[PlannedRun]]) -> list[PlannedRun]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dembench.cases.quantities import lowest, sample_at
+from dembench.cases.quantities import crossings, lowest, sample_at
 
 TIME = np.arange(6) * 1e-3
 
@@ -33,3 +33,7 @@ def test_a_record_that_ends_in_the_fall_has_no_lowest_point():
 
 def test_a_record_that_ends_at_rest_has_its_lowest_point_at_the_end():
     assert lowest(TIME, np.array([0, -3, -5, -6, -6.01, -6.02])) == (5e-3, -6.02)
+
+
+def test_crossings_of_zero_are_linear_between_samples():
+    assert crossings(TIME, np.array([1.0, -1.0, -2.0, 2.0, 0.0, -1.0])) == pytest.approx([0.5e-3, 2.5e-3, 4e-3])

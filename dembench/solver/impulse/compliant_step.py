@@ -11,13 +11,12 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.contacts import load_functions
+from dembench.solver.impulse.compliant_bodies import body_functions
 from dembench.solver.impulse.compliant_opening import opening_functions
 from dembench.solver.impulse.compliant_rows import (
     BRIDGE,
     OWN,
     CompliantOptions,
-    compliant_access,
     compliant_types,
 )
 from dembench.solver.impulse.compliant_substeps import stiffness_functions
@@ -26,7 +25,7 @@ from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, ROW_OVERFLOW
 from dembench.solver.sync import barrier
-from dembench.solver.types import types, vec8d
+from dembench.solver.types import types
 from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
@@ -62,8 +61,9 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     real, vec4, vec8 = t.real, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows = compliant_types(o.law.precision)
-    native = compliant_access(o.law.precision, o.rotation)
-    kin, change_of, set_change = native.kin, native.change_of, native.set_change
+    of_bodies = body_functions(o)
+    begin, drift, end, load_walls = of_bodies.begin, of_bodies.drift, of_bodies.end, of_bodies.load_walls
+    largest_square = of_bodies.fastest
     opening, stiffness, sweep = opening_functions(o), stiffness_functions(o), sweep_function(o)
     open_pairs, open_bigs, open_walls = opening.pairs, opening.bigs, opening.walls
     stiff_pairs, stiff_bigs, stiff_walls = stiffness.pairs, stiffness.bigs, stiffness.walls
@@ -73,51 +73,36 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
     hand_over = hand_over_function(o.law.precision, o.walls, o.radii)
-    of_loads, loads = wall_load_functions(o.walls), o.walls.loads
-    get_load, rotation = load_functions(o.law.precision, o.rotation).get, o.rotation
-    clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
+    clear_loads, loads = wall_load_functions(o.walls).clear, o.walls.loads
     bigs, friction, shared, threads = o.bigs, o.law.friction, o.shared, o.threads
     segments, slots = wp.constant(FLAGS), wp.constant(TRAVEL)
 
     @wp.func
-    def begin(b: Bodies, rows: Rows, i: int, h: real, fall: vec4, driven: int):
-        """A body's change of velocity in a substep starts with that by gravity and by forces from outside."""
-        z = real(0.0)
-        m, g = b.inv_m[i], z
-        if wp.static(rotation):
-            g = b.inv_i[i]
-        u = vec8(z, z, z, m, z, z, z, g)
-        if m > z:
-            u = vec8(fall[0], fall[1], fall[2], m, z, z, z, g)
-        if driven == 1:
-            f = get_load(b, i)
-            p, turn = h * m, h * g
-            u = u + vec8(p * f[0], p * f[1], p * f[2], z, turn * f[4], turn * f[5], turn * f[6], z)
-        set_change(rows, i, u)
+    def largest_of(travel: wp.array(dtype=wp.float64), place: int, parts: int):
+        """The largest of what the threads have left at a place of theirs."""
+        largest = wp.float64(0.0)
+        for p in range(parts):
+            largest = wp.max(largest, travel[slots + wp.static(PER_THREAD) * p + place])
+        return largest
 
     @wp.func
-    def drift(b: Bodies, i: int, half: wp.float64):
-        """Moves a body for the first half of a substep."""
-        k = kin(b, i)
-        b.kin[i] = vec8d(k[0] + half * k[3], k[1] + half * k[4], k[2] + half * k[5], k[3], k[4], k[5], k[6], k[7])
-
-    @wp.func
-    def end(b: Bodies, rows: Rows, i: int, half: wp.float64, fall: vec4, finer: wp.vec3d, driven: int):
-        """Takes the change of velocity from the rows and moves the body for the second half; returns the squared speed.
-
-        `finer` is the part of gravity that single precision leaves out of `fall`.
-        """
-        k, u = kin(b, i), change_of(rows, i)
-        v = wp.vec3d(k[3] + wp.float64(u[0]), k[4] + wp.float64(u[1]), k[5] + wp.float64(u[2]))
-        z = real(0.0)
-        if u[3] > z:
-            v = v + finer
-        b.kin[i] = vec8d(k[0] + half * v[0], k[1] + half * v[1], k[2] + half * v[2], v[0], v[1], v[2], k[6], k[7])
-        if wp.static(rotation):
-            if wp.static(friction) or driven == 1:
-                b.spin[i] = b.spin[i] + vec4(u[4], u[5], u[6], z)
-        begin(b, rows, i, real(half + half), fall, driven)
-        return wp.dot(v, v)
+    def list_bigs(
+        b: Bodies,
+        lists: Lists,
+        near_count: wp.array(dtype=wp.int32),
+        n: int,
+        total: int,
+        gap: wp.float64,
+        capacity: int,
+        part: int,
+        parts: int,
+        state: wp.array(dtype=wp.int32),
+    ):
+        """The first thread lists the candidates of the large bodies, the others wait."""
+        if part == 0:
+            near_count[2 * parts] = pick_big(b, lists, n, total, gap, capacity)
+        if wp.static(threads):
+            barrier(state, parts)
 
     @wp.func
     def shift_of(row: int, place: int):
@@ -126,29 +111,6 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         if wp.static(shared):
             shift = row - place
         return shift
-
-    @wp.func
-    def speed2(b: Bodies, first: int, last: int):
-        fastest = wp.float64(0.0)
-        for i in range(first, last):
-            k = kin(b, i)
-            fastest = wp.max(fastest, k[3] * k[3] + k[4] * k[4] + k[5] * k[5])
-        return fastest
-
-    @wp.func
-    def load_walls(b: Bodies, lists: Lists, walls: Walls, part: int, rows: Rows, begin: int, end: int, dt: wp.float64):
-        """Hands the impulses of the rows begin..end of a substep to the walls, as forces over the whole step."""
-        poses = part * walls.motions.shape[0]
-        for r in range(begin, end):
-            a, p = rows.a[r], rows.b[r]
-            k = b.kin[rows.i[r]]
-            n, f = wp.vec3d(), wp.vec3d()
-            for c in range(3):
-                n[c] = wp.float64(a[c])
-                f[c] = wp.float64(p[4 + c]) / dt
-            t = -wp.float64(a[7]) * wp.cross(n, f)
-            x = wp.vec3d(k[0], k[1], k[2])
-            add_load_to_wall(walls, part, lists.wall_f[rows.slot[r]], poses, x, f, t, dt)
 
     @wp.kernel(enable_backward=False, module="unique")
     def advance(
@@ -212,15 +174,12 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         fewest, most = int(state[8]), int(state[9])
         deepest = real(0.0)
         fall, finer = vec4(), wp.vec3d()
-        fastest, fastest_big = speed2(b, begin_small, end_small), speed2(b, begin_big, end_big)
+        fastest, fastest_big = largest_square(b, begin_small, end_small), largest_square(b, begin_big, end_big)
         if wp.static(threads):
             travel[slot] = fastest
             travel[slot + 1] = fastest_big
             barrier(state, parts)
-            for p in range(parts):
-                theirs = slots + wp.static(PER_THREAD) * p
-                fastest = wp.max(fastest, travel[theirs])
-                fastest_big = wp.max(fastest_big, travel[theirs + 1])
+            fastest, fastest_big = largest_of(travel, 0, parts), largest_of(travel, 1, parts)
         fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
         while going == 1 and (done < steps or left > 0):
             if left == 0 or fresh == 1:
@@ -265,10 +224,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                         look_big = look + ahead * (fastest_big + gain)
                         if since_big < zero or since_big + look_big > big_gap:
                             big_gap = wp.max(big_skin, two * look_big)
-                            if part == 0:
-                                near_count[2 * parts] = pick_big(b, lists, n, total, big_gap, big_capacity)
-                            if wp.static(threads):
-                                barrier(state, parts)
+                            list_bigs(b, lists, near_count, n, total, big_gap, big_capacity, part, parts, state)
                             since_big = wp.float64(0.0)
                         if near_count[2 * parts] > big_capacity:
                             reason = int(BIG_OVERFLOW)
@@ -297,8 +253,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     if wp.static(threads):
                         travel[slot + 3] = power
                         barrier(state, parts)
-                        for p in range(parts):
-                            power = wp.max(power, travel[slots + wp.static(PER_THREAD) * p + 3])
+                        power = largest_of(travel, 3, parts)
                     if going == 1:
                         left = wp.max(int(wp.ceil(ahead * frequency(power) / limit)), 1)
                 if going == 1:
@@ -334,10 +289,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                 reach_big = reach + h * (fastest_big + h * weight)
                 if going == 1 and (since_big < zero or since_big + reach_big > big_gap):
                     big_gap = wp.max(big_skin, two * reach_big)
-                    if part == 0:
-                        near_count[2 * parts] = pick_big(b, lists, n, total, big_gap, big_capacity)
-                    if wp.static(threads):
-                        barrier(state, parts)
+                    list_bigs(b, lists, near_count, n, total, big_gap, big_capacity, part, parts, state)
                     since_big = wp.float64(0.0)
                 if going == 1 and near_count[2 * parts] > big_capacity:
                     reason = int(BIG_OVERFLOW)
@@ -499,10 +451,9 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     travel[slot + 1] = fastest_big
                     travel[slot + 2] = check
                     barrier(state, parts)
+                    fastest, fastest_big = largest_of(travel, 0, parts), largest_of(travel, 1, parts)
                     check = wp.float64(0.0)
                     for p in range(parts):
-                        fastest = wp.max(fastest, travel[slots + wp.static(PER_THREAD) * p])
-                        fastest_big = wp.max(fastest_big, travel[slots + wp.static(PER_THREAD) * p + 1])
                         check += travel[slots + wp.static(PER_THREAD) * p + 2]
                 fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
                 moved, moved_big = h * wp.max(before, fastest), h * wp.max(before_big, fastest_big)

@@ -52,6 +52,17 @@ def visit_function(o: CompliantOptions) -> Any:
     squares = wp.constant(SQUARES["linear" if linear else "hertz"])
 
     @wp.func
+    def touching_share(before: real, after: real):
+        """The part of a way on which the two touch, by the overlaps at its ends (negative: gaps)."""
+        share = real(1.0)
+        if wp.min(before, after) <= real(0.0):
+            deeper = wp.max(wp.max(before, after), real(0.0))
+            share = real(0.0)
+            if deeper > real(0.0):
+                share = deeper / wp.abs(after - before)
+        return share
+
+    @wp.func
     def normal_law(c: PairClass, before: real, after: real):
         """Mean elastic force on the way between two overlaps (negative: gaps), its derivative by the second, the mean
         over the way of the power 1/4 of the overlap, and the mean tangent stiffness that goes with it."""
@@ -78,7 +89,7 @@ def visit_function(o: CompliantOptions) -> Any:
         elif deeper > zero:
             # they touch on a part of the way only
             span = after - before
-            part = deeper / wp.abs(span)
+            part = touching_share(before, after)
             if wp.static(linear):
                 force = half * c.kn * deeper * part
                 slope = -force / span
@@ -136,12 +147,7 @@ def visit_function(o: CompliantOptions) -> Any:
             slip = g - vn * n - wt * lt
             left = overlap - ahead * v
             kt = zero
-            touching = real(1.0)
-            if wp.min(first, left) <= zero:
-                touching = zero
-                deeper = wp.max(first, left)
-                if deeper > zero:
-                    touching = deeper / wp.max(wp.abs(left - first), deeper)
+            touching = touching_share(first, left)
             if wp.static(linear):
                 kt = touching * c.kt
             elif left > zero:

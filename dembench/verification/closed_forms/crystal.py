@@ -16,12 +16,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dembench.cases.quantities import crossings
 from dembench.results import Result
 from dembench.scene import Bodies, Domain, Material, PairLaw, Scene, Snapshot, Species
 from dembench.verification.checks import Check, Experiment, deviation, on_one_scene
-from dembench.verification.scenes import MOTION
+from dembench.verification.closed_forms.collisions import Contact
+from dembench.verification.scenes import MOTION, Kind
 
-RADIUS, DENSITY, YOUNG, POISSON = 1e-3, 2500.0, 1e8, 0.25
+RADIUS = 1e-3
+GRAIN = Kind(1e8, 2500.0, RADIUS)
 STRAIN = 1e-3
 """Overlap over the diameter."""
 CELLS = (12, 3, 3)
@@ -40,10 +43,8 @@ def wave_number() -> float:
 
 def frequency() -> float:
     """Angular frequency of the wave [rad/s]."""
-    modulus = YOUNG / (2 * (1 - POISSON**2))
-    stiffness = 2 * modulus * math.sqrt(RADIUS / 2) * math.sqrt(2 * RADIUS * STRAIN)
-    mass = DENSITY * 4 / 3 * math.pi * RADIUS**3
-    return math.sqrt(8 * stiffness / mass) * math.sin(wave_number() * EDGE / 4)
+    stiffness = 1.5 * Contact.between(GRAIN, GRAIN).stiffness * math.sqrt(2 * RADIUS * STRAIN)
+    return math.sqrt(8 * stiffness / GRAIN.mass) * math.sin(wave_number() * EDGE / 4)
 
 
 def scene() -> Scene:
@@ -56,7 +57,7 @@ def scene() -> Scene:
     interval = math.ceil(2.2 * math.pi / frequency() / RECORDS / STEP) * STEP
     return Scene(
         name="crystal",
-        materials=(Material(name="solid", density=DENSITY, young=YOUNG, poisson=POISSON),),
+        materials=(Material(name="solid", density=GRAIN.density, young=GRAIN.young, poisson=GRAIN.poisson),),
         pair_laws=(PairLaw(a="solid", b="solid", restitution=1, friction=0),),
         species=(Species(name="grain", material="solid", radius=RADIUS),),
         bodies=Bodies(position=position, velocity=velocity),
@@ -72,19 +73,10 @@ def _measure(result: Result) -> Mapping[str, float]:
     seen = result.snapshots[MOTION]
     shape = np.sin(wave_number() * result.scene.bodies.position[:, 0])
     loud = seen.velocity[:, :, 0] @ shape / (shape @ shape)
-    crossings = np.flatnonzero(loud[:-1] * loud[1:] < 0)
-    half = math.nan
-    if len(crossings) > 1:
-        times = [np.interp(0, *_rising(seen.time[k : k + 2], loud[k : k + 2])) for k in crossings[:2]]
-        half = float(times[1] - times[0])
+    passed = crossings(seen.time, loud)
+    half = float(passed[1] - passed[0]) if len(passed) > 1 else math.nan
     rest = seen.velocity - loud[:, None, None] * np.stack([shape, 0 * shape, 0 * shape], axis=1)
     return {"CR1a": math.pi / half, "CR1b": float(np.linalg.norm(rest, axis=2).max() / np.abs(loud).max())}
-
-
-def _rising(time: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Values in ascending order with their times."""
-    order = np.argsort(value)
-    return value[order], time[order]
 
 
 def experiment() -> Experiment:

@@ -14,9 +14,11 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.special import ellipk
 
+from dembench.cases.quantities import crossings
 from dembench.results import Result
 from dembench.scene import Cylinder, Scene
 from dembench.verification.checks import Check, Experiment, on_one_scene
+from dembench.verification.closed_forms.collisions import Contact
 from dembench.verification.scenes import MOTION, WALL, Body, Kind, every, scene_of
 
 BALL = Kind(1e7, 2500, 5e-3, restitution=0.5, friction=1.0)
@@ -32,7 +34,7 @@ NEAR = 0.1
 def overlap(angle: float) -> float:
     """Overlap that carries the ball on its way down, when it passes an angle [m]: Hertz 1882."""
     force = BALL.mass * GRAVITY * (math.cos(angle) + 10 / 7 * (math.cos(angle) - math.cos(START)))
-    return float((force / (4 / 3 * BALL.modulus * math.sqrt(BALL.radius))) ** (2 / 3))
+    return Contact.with_wall(BALL).overlap(force)
 
 
 def half_period() -> float:
@@ -61,10 +63,9 @@ def _measure(result: Result) -> Mapping[str, float]:
     seen = result.snapshots[MOTION]
     y, z = seen.position[:, 0, 1], seen.position[:, 0, 2]
     angle, depth = np.arctan2(y, -z), np.hypot(y, z) + BALL.radius - TROUGH
-    crossings = np.flatnonzero(angle[:-1] * angle[1:] <= 0)
-    if len(crossings) < 2:
+    passed = crossings(seen.time, angle)
+    if len(passed) < 2:
         return {"TR1a": math.nan, "TR1b": math.nan, "TR1c": math.nan, "TR1d": math.nan}
-    passed = [seen.time[k] + EVERY * angle[k] / (angle[k] - angle[k + 1]) for k in crossings[:2]]
     # on the far side the ball turns between two records
     far = int(np.argmin(angle))
     bend = np.polyfit(np.arange(-2, 3), angle[far - 2 : far + 3], 2)
@@ -72,7 +73,7 @@ def _measure(result: Result) -> Mapping[str, float]:
     first = np.abs(angle) < NEAR
     first[far:] = False
     return {
-        "TR1a": passed[1] - passed[0],
+        "TR1a": float(passed[1] - passed[0]),
         "TR1b": float(-turning),
         "TR1c": float(np.hypot(*seen.velocity[first, 0, 1:].T).max()),
         "TR1d": float(np.mean(depth[first])),
