@@ -1,13 +1,14 @@
 # make run     sets everything up, runs case 3 (quick) on three engines, ends with the path of the report
 # make test    sets everything up, runs the tests on the cores that there are
 # make verify  sets everything up, runs the suites of known answers, ends with the path of the page
-# make bench   times the solver's kernels and compares with the baseline
+# make bench   times the solver's kernels beside the baseline, and the engines side by side (BENCH="--scene bed25k")
 # make slow    the tests that take minutes: physics on full beds, planted regressions
 # make lint    style and types
 # make clean   removes .venv, caches and builds; runs and reports stay
 
 PYTHON ?= python3
 OUT ?= runs
+BENCH ?= --scene scaling-5k --steps 5000
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
@@ -25,10 +26,11 @@ test: $(READY) engines browser
 verify: $(READY)
 	@$(BIN)/dembench verify --engines peclet --out $(OUT)/verify
 
-bench: $(READY)
+bench: $(READY) engines
 	@mkdir -p $(OUT)
 	$(BIN)/python -m pytest tests/bench/test_kernels.py -m slow --benchmark-json=$(OUT)/kernels.json
 	$(BIN)/dembench check $(OUT)/kernels.json --baseline data/baselines/kernels.json
+	$(BIN)/dembench bench $(BENCH) --out $(OUT)/bench
 
 slow: $(READY) engines
 	$(BIN)/python -m pytest -m slow

@@ -82,7 +82,7 @@ def whole_numbers(text: str) -> tuple[int, ...]:
     """Whole numbers from a text such as `1,2,5`; RequestError where it has others, or one twice."""
     parts = [part.strip() for part in text.split(",")]
     if not all(re.fullmatch(r"[0-9]{1,9}", part) for part in parts) or len({int(p) for p in parts}) < len(parts):
-        raise RequestError(f"'{text}' is no list of seeds; write different whole numbers as 1,2,3")
+        raise RequestError(f"'{text}' is no list of different whole numbers; write them as 1,2,3")
     return tuple(int(part) for part in parts)
 
 

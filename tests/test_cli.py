@@ -105,8 +105,8 @@ USAGE = {
     "time": (["--time", "soon"], "is no time"),
     "long time": (["--time", "5"], "longer than the 0.01 s"),
     "timeout": (["--timeout", "0"], "is no time"),
-    "seeds": (["--seeds", "a,b"], "is no list of seeds"),
-    "same seeds": (["--seeds", "1,1"], "is no list of seeds"),
+    "seeds": (["--seeds", "a,b"], "is no list of different whole numbers"),
+    "same seeds": (["--seeds", "1,1"], "is no list of different whole numbers"),
     "preset of a file": (["--preset", "quick"], "--preset is for cases"),
 }
 

@@ -9,6 +9,7 @@ import typer
 from dembench import __version__, console
 from dembench.cli import (
     ablate,
+    bench,
     data,
     history,
     imports,
@@ -37,6 +38,7 @@ for verb in (
     run.timestep,
     verify.verify,
     ablate.ablate,
+    bench.bench,
     new.new,
     passport.passport,
     regression.check,

@@ -245,6 +245,7 @@ class Engine(ABC):
         colour: Fixed colour in all figures.
         dashed: Whether its lines are dashed.
         settings_type: Its EngineSettings.
+        cores_setting: Setting that says among how many cores a step is shared; None where there is none.
     """
 
     name: ClassVar[str]
@@ -252,6 +253,7 @@ class Engine(ABC):
     colour: ClassVar[str]
     dashed: ClassVar[bool] = False
     settings_type: ClassVar[type[EngineSettings]]
+    cores_setting: ClassVar[str | None] = None
 
     @abstractmethod
     def probe(self) -> Probe:

@@ -16,7 +16,7 @@ import sys
 from abc import abstractmethod
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -33,6 +33,8 @@ CHECKPOINT_INTERVAL = 120.0
 
 class InTree(Engine):
     """An engine whose simulations are `dembench.solver.Simulation`, stepped in a child process."""
+
+    cores_setting: ClassVar[str | None] = "threads"
 
     @abstractmethod
     def simulation(self, scene: Scene, settings: dict[str, Any]) -> Any:

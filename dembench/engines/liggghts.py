@@ -123,6 +123,7 @@ class Liggghts(Engine):
     title: ClassVar[str] = "LIGGGHTS-PUBLIC: soft-sphere, double precision, MPI"
     colour: ClassVar[str] = "#e34948"
     settings_type: ClassVar[type[EngineSettings]] = LiggghtsSettings
+    cores_setting: ClassVar[str | None] = "ranks"
 
     def probe(self) -> Probe:
         """See `Engine.probe`. The environment variable DEMBENCH_LIGGGHTS names a program other than that on PATH."""

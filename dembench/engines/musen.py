@@ -90,6 +90,7 @@ class Musen(Engine):
     title: ClassVar[str] = "MUSEN: soft-sphere, double precision, CPU or GPU"
     colour: ClassVar[str] = "#4a3aa7"
     settings_type: ClassVar[type[EngineSettings]] = MusenSettings
+    cores_setting: ClassVar[str | None] = "threads"
 
     def probe(self) -> Probe:
         """See `Engine.probe`. The environment variable DEMBENCH_MUSEN names a program other than that on PATH."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import Field
@@ -80,13 +81,18 @@ class RunSpec(Model):
         """The engine with its settings as typed: `name[dt=1e-6]`; `name (imported)` for another program's result."""
         if self.imported:
             return f"{self.engine} (imported)"
-        typed = ",".join(f"{key}={value}" for key, value in self.overrides.items())
-        return f"{self.engine}[{typed}]" if typed else self.engine
+        return label(self.engine, self.overrides)
 
     def name(self) -> str:
         """Readable name of the run with a short hash: `case3-quick__engine__1a2b3c4d`."""
         what = _slug(self.case) + (f"-{_slug(self.preset)}" if self.preset else "")
         return f"{what}__{_slug(self.engine)}__{self.digest()[:8]}"
+
+
+def label(engine: str, overrides: Mapping[str, str]) -> str:
+    """An engine with its settings as typed: `name[dt=1e-6]`."""
+    typed = ",".join(f"{key}={value}" for key, value in overrides.items())
+    return f"{engine}[{typed}]" if typed else engine
 
 
 def _slug(text: str) -> str:

@@ -1,4 +1,4 @@
-"""Throughput and physics on the published bed of 25 000 grains; minutes long, run by `make bench`."""
+"""Physics on the published bed of 25 000 grains; minutes long."""
 
 from __future__ import annotations
 
@@ -35,24 +35,6 @@ def hit(published: Scene) -> Scene:
     position[-1], velocity[-1] = (0, 0, -0.0467), (0, 0, -5.2)
     bodies = Bodies(position=position, velocity=velocity, species=published.bodies.species)
     return published.model_copy(update={"bodies": bodies, "duration": 2e-3, "observables": published.observables[:1]})
-
-
-@pytest.mark.parametrize(
-    ("options", "steps"),
-    [
-        ({"threads": 1}, 200),
-        ({"threads": 2}, 200),
-        ({"method": "impulse", "rows": "rigid", "dt": 5e-5}, 5),
-        ({"method": "impulse", "rows": "compliant", "substeps": 1, "dt": 6.25e-6}, 40),
-    ],
-    ids=["soft-spheres, one thread", "soft-spheres, two threads", "rigid rows", "compliant rows, one substep"],
-)
-def test_throughput(benchmark, hit, options, steps):
-    simulation = Simulation(hit, **options)
-    simulation.step(steps)
-    benchmark.pedantic(simulation.step, args=(steps,), rounds=5, warmup_rounds=1)
-    benchmark.extra_info["particle-steps per second"] = len(hit.bodies) * steps / benchmark.stats.stats.median
-    assert np.isfinite(simulation.position).all()
 
 
 @pytest.mark.parametrize("rows", ["rigid", "compliant"])

@@ -13,7 +13,7 @@ from dembench.engines import registry
 PACKAGE = Path(dembench.__file__).parent
 
 
-@pytest.mark.parametrize("folder", ["cases", "runs", "results", "scoring", "verification", "reports"])
+@pytest.mark.parametrize("folder", ["cases", "runs", "results", "scoring", "verification", "reports", "throughput"])
 def test_no_engine_is_named(folder: str) -> None:
     names = "|".join(map(re.escape, registry.BUILT_IN))
     pattern = re.compile(rf"""["'`]({names})["'`\[]|import.*\bengines\.({names.replace("-", "_")})""")

@@ -1,0 +1,1 @@
+"""How fast engines are: the same settled bed, law, step and output for all of them, timed in turn."""
