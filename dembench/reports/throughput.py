@@ -22,7 +22,7 @@ from dembench.throughput.scenes import SERIES
 MARKS = {
     "c": f"c: contended: other programs used the cores, or less than {LEAST_BUSY:.0%} of wall time times cores is CPU "
     "time. The rate may be too low.",
-    "l": "l: another contact law than the scene's, see its settings: another work, without a ratio.",
+    "l": "l: a contact law or walls of its own, see the settings: another work, without a ratio.",
 }
 INTENSITIES = (0.1, 10.0)
 """Ends of the horizontal axis of the roofline [1/B]."""
@@ -88,6 +88,7 @@ def roofline(rows: Sequence[Rate], machines: Sequence[Machine], command: str) ->
         command,
         log_x=True,
         columns=2,
+        tag=_disturbed(machines),
     )
 
 
@@ -138,6 +139,7 @@ def scaling(rows: Sequence[Rate], machines: Sequence[Machine], command: str) -> 
         (Panel("Particle-steps [10⁶/s]", tuple(lines), known, log_y=True),),
         command,
         log_x=True,
+        tag=_disturbed(machines),
     )
 
 
@@ -208,7 +210,7 @@ def settings_table(rows: Sequence[Rate]) -> Table:
         Column("Version"),
         Column("Scenes", kind="wrap"),
         Column("Settings", kind="wrap"),
-        Column("Contact law", kind="wrap"),
+        Column("Contact law, walls", kind="wrap"),
     )
     return Table("settings", "Settings of the engines", columns, listed, note="All that are not typed are defaults.")
 
@@ -230,14 +232,13 @@ def machine_table(machines: Sequence[Machine]) -> Table:
         _percent(m.busy for m in machines),
     ]
     listed = tuple(tuple(column[k] for column in cells) for k in range(len(machines)))
-    disturbed = any(m.busy < LEAST_BUSY for m in machines)
     return Table(
         "machine",
         "Limits of this machine",
         columns,
         listed,
-        note="The best of seven passes on all cores at once."
-        + (" Other programs held the cores meanwhile: the limits are understated." if disturbed else ""),
+        note="The best of many passes on all cores at once."
+        + (" Other programs held the cores meanwhile: the limits are understated." if _disturbed(machines) else ""),
     )
 
 
@@ -248,6 +249,11 @@ def _by_engine(rows: Sequence[Rate]) -> dict[tuple[str, int], list[Rate]]:
         if row.particle_steps_per_second is not None:
             found.setdefault((row.engine, row.cores), []).append(row)
     return found
+
+
+def _disturbed(machines: Sequence[Machine]) -> str:
+    """What to know of limits that were measured beside other load; empty where there was none."""
+    return "roof understated: other load" if any(m.busy < LEAST_BUSY for m in machines) else ""
 
 
 def _series_name(engine: str, cores: int) -> str:

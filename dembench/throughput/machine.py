@@ -23,8 +23,8 @@ COPIED = 1 << 24
 """Numbers in float64 that each core copies, 128 MiB: more than caches hold."""
 MATRIX = 768
 """Rows of the matrices that each core multiplies."""
-PASSES = 7
-"""The best of so many passes counts: what disturbs makes them slower."""
+PASSES, WHILE = 7, 1.5
+"""The best of so many passes counts, or of as many as fit into that time [s]: what disturbs makes them slower."""
 
 BODY_FLOPS = {"velocity": 9, "position": 6, "spin": 6}
 """Floating-point operations of a body in a step, every component counted: v += (F/m + g) dt, x += v dt, w += T/I dt."""
@@ -113,9 +113,10 @@ def measured(cores: Sequence[int]) -> Machine:
 
 def _best(cores: int, work: Callable[[int], None]) -> tuple[float, float]:
     """Shortest wall time in which all cores do their work at once [s], and the share of it that they worked."""
-    passes = []
+    passes: list[tuple[float, float]] = []
+    end = time.perf_counter() + WHILE
     with ThreadPoolExecutor(cores) as pool:
-        for _ in range(PASSES):
+        while len(passes) < PASSES or time.perf_counter() < end:
             begun, spent = time.perf_counter(), time.process_time()
             list(pool.map(work, range(cores)))
             wall = time.perf_counter() - begun

@@ -37,7 +37,13 @@ ROWS = [
 def test_the_page_has_every_row_with_its_marks_and_reasons(tmp_path: Path) -> None:
     page = Page(render(ROWS, LIMITS, tmp_path / "bench.html").read_text(encoding="utf-8"))
     shown = "".join(page.text)
-    for words in ("failed: signal: SIGSEGV ended it", "a law of its own", "dt=1e-05", "the limits are understated"):
+    for words in (
+        "failed: signal: SIGSEGV ended it",
+        "a law of its own",
+        "dt=1e-05",
+        "the limits are understated",
+        "roof understated",
+    ):
         assert words in shown
     assert "1 of 7 rates were disturbed" in shown
     assert set(page.figures) == {"roofline", "scaling"}
