@@ -22,6 +22,8 @@ SAME = 1e-6
 """Times closer than this share of a sampling interval are the same [-]."""
 GAP = 1.5
 """Largest distance of two samples, in sampling intervals, between which a value is interpolated [-]."""
+LATE = 1.5
+"""Largest delay of times, in the file's own samples, that is one of writing [-]."""
 FINE = 0.1
 """Spacing of samples, in sampling intervals, from which the lowest value between two of the scene is known [-]."""
 OTHER_STATE = 0.1
@@ -177,26 +179,32 @@ def _is_doubled(values: np.ndarray) -> bool:
 def _falling(
     file: Foreign, scene: Scene, o: Trajectory, time: np.ndarray, values: np.ndarray, notes: list[str]
 ) -> Rows:
-    """Displacements; times that are late by one constant are set right where the free fall proves it.
+    """Displacements; heights and times that are late by one constant are set right where the free fall proves them.
 
-    Before the body can meet another one, z = v0 t - g t^2/2, which gives the time of every sample.
+    Heights begin at that of the body in the scene. Before the body can meet another one, z = v0 t - g t^2/2, which
+    gives the time of every sample.
     """
-    free = (time <= _free_time(scene, o)) & (values[:, 0] <= 0)
-    speed, gravity = -scene.bodies.velocity[o.body, 2], -scene.gravity[2]
-    fallen = (np.sqrt(speed**2 - 2 * gravity * values[free, 0]) - speed) / gravity
-    late = fallen - time[free]
-    if len(late) >= 3 and _is_constant(late) and abs(np.median(late)) > 0.01 * np.diff(time).min():
-        shift = float(np.median(late))
-        notes.append(f"t was set {shift:.3g} s later: {len(late)} samples of the free fall prove it to 2 %")
-        return time + shift, values
-    expected = -speed * time - 0.5 * gravity * time**2
+    height = float(scene.bodies.position[o.body, 2])
+    if height and time[0] <= SAME * o.interval and abs(values[0, 0] - height) <= SAME:
+        values = values - height
+        notes.append(f"z was the height of {o.name}: the {height:g} m at which it starts were taken off")
     known = time <= _free_time(scene, o)
+    speed, gravity = -scene.bodies.velocity[o.body, 2], -scene.gravity[2]
+    if np.count_nonzero(known) >= 3 and (values[known, 0] <= 0).all():
+        fallen = (np.sqrt(speed**2 - 2 * gravity * values[known, 0]) - speed) / gravity
+        late, sample = fallen - time[known], float(np.diff(time).min())
+        shift = float(np.median(late))
+        if _is_constant(late) and 0.01 * sample < abs(shift) <= LATE * sample:
+            notes.append(f"t was set {shift:.3g} s later: {len(late)} samples of the free fall prove it to 2 %")
+            return time + shift, values
+    expected = 0.0 - speed * time - 0.5 * gravity * time**2
     wrong = np.flatnonzero(known & (np.abs(values[:, 0] - expected) > 0.1 * np.abs(expected) + SAME))
     if len(wrong):
         k = int(wrong[0])
         raise ForeignError(
             f"{file.path}: z is {values[k, 0]:g} m at t = {time[k]:g} s, the free fall of {o.name} gives "
-            f"{expected[k]:.4g} m; accepted is the displacement from the start, downwards negative"
+            f"{expected[k]:.4g} m; accepted are displacements from the start, downwards negative, and heights that "
+            f"begin at {height:g} m"
         )
     return time, values
 

@@ -22,9 +22,9 @@ from dembench.scene import (
 GRAVITY, SPEED = 9.81, 5.0
 
 
-def scene(*observables, duration=0.1):
-    """A fast ball above a hundred grains that stand still, far below it; half of them have x < 0."""
-    grains = np.stack([np.linspace(-0.45, 0.45, 100), np.zeros(100), np.full(100, -0.5)], axis=1)
+def scene(*observables, duration=0.1, height=0.0, drop=0.5):
+    """A fast ball at a height above a hundred grains that stand still below it; half of them have x < 0."""
+    grains = np.stack([np.linspace(-0.45, 0.45, 100), np.zeros(100), np.full(100, height - drop)], axis=1)
     return Scene(
         name="fall",
         materials=(Material(name="glass", density=2500, young=1e7, poisson=0.25),),
@@ -34,7 +34,7 @@ def scene(*observables, duration=0.1):
             Species(name="M2", material="glass", radius=0.001),
         ),
         bodies=Bodies(
-            position=np.vstack([grains, [0, 0, 0]]),
+            position=np.vstack([grains, [0, 0, height]]),
             species=np.append(np.arange(100) % 2, 0),
             velocity=np.vstack([np.zeros((100, 3)), [0, 0, -SPEED]]),
         ),
@@ -117,6 +117,27 @@ def test_the_free_fall_proves_late_times(tmp_path):
     np.testing.assert_allclose(found.observables["ball_displacement"].value, fall(np.arange(11) * 1e-2), rtol=1e-9)
 
 
+SHALLOW = scene(BALL.model_copy(update={"interval": 1e-3, "track_interval": 1e-3}), height=0.06, drop=0.10725 + 0.004)
+"""Start and free fall of the ball above the published bed of 25 000 grains: it touches the first one after 21 ms."""
+
+
+def test_heights_that_begin_at_the_start_are_displacements(tmp_path):
+    time = np.arange(101) * 1e-3
+    z = np.maximum(fall(time), -0.1387)
+    found = taken(tmp_path, SHALLOW, t=time, z=0.06 + z)
+    assert found.notes == ("z was the height of ball: the 0.06 m at which it starts were taken off",)
+    np.testing.assert_allclose(found.observables["ball_displacement"].value, z, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("offset", [0.1502, 0.059, 0.01, -0.01])
+def test_heights_above_another_origin_are_refused(tmp_path, offset):
+    """At 5 m/s an offset looks like a delay that is constant to 2 %: what is longer than a sample is none."""
+    time = np.arange(101) * 1e-3
+    z = np.maximum(fall(time), -0.1387)
+    with pytest.raises(ForeignError, match=rf"z is {offset} m at t = 0 s, the free fall of ball gives 0 m"):
+        taken(tmp_path, SHALLOW, t=time, z=offset + z)
+
+
 def test_another_gravity_is_no_delay(tmp_path):
     """A program with g = 9.80 m/s2 falls too late by ever more, and is taken as it is."""
     time = np.arange(2000) * 5e-5
@@ -185,7 +206,7 @@ def test_files_that_do_not_fit(tmp_path):
     refused("t begins at -0.01 s", t=t - 0.01, z=fall(t))
     refused(r"t ends at 100 s; the scene lasts 0\.1 s", t=1e3 * t, z=fall(t))
     refused("1 rows; a series has two at least", t=[0.1], z=[0.0])
-    refused("z is -50.*free fall of ball gives -0.05.*accepted is the displacement", t=t, z=1e3 * fall(t))
+    refused("z is -50.*free fall of ball gives -0.05.*accepted are displacements", t=t, z=1e3 * fall(t))
     refused("z is 0.06 m at t = 0 s, the free fall of ball gives", t=t, z=0.06 + fall(t))
     refused("z is 0.05.* m at t = 0.01 s", t=t, z=-fall(t))
     tenth = np.arange(11) * 0.1
