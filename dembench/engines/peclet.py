@@ -15,8 +15,11 @@ from dembench.scene import Rigid, Scene, features
 
 PARTICLE_STEPS_PER_SECOND = {"compliant": 2.5e6, "rigid": 5e5}
 """Throughput of one core on which run-time estimates are based; of compliant rows that of substeps."""
-USUAL_SUBSTEPS = 5
-"""Substeps of a step with compliant rows on which run-time estimates are based."""
+SLOWEST_STEP = {"compliant": 0.014, "rigid": 0.007}
+"""Largest step in units of sqrt(d/g); compliant rows divide theirs by the stiffness of contacts."""
+USUAL_SPEED, USUAL_TURN = 0.1, 0.8
+"""Run-time estimates take the frequency of contacts to be that of collisions at 0.1 sqrt(g d), and substeps of 0.8 over
+that: within a factor 1.5 of the substeps of the drum, the silo and the impact."""
 
 
 class PecletSettings(EngineSettings):
@@ -80,10 +83,19 @@ class Peclet(InTree):
         return (stepper if self._rigid(scene) else compliant_stepper).unsupported(scene)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
-        """In both divisions a body moves at most d/8 in a step, d the smallest diameter; dt <= 0.007 sqrt(d/g).
+        """The rows follow the scene's law, those of bodies that are no spheres are rigid; the step: see `_step`."""
+        rows = "rigid" if self._rigid(scene) else "compliant"
+        return {"dt": self._step(scene, rows), "rows": rows}
 
-        The rows follow the scene's law; bodies that are no spheres have rigid ones.
-        """
+    def settings(self, scene: Scene, division: Division, overrides: dict[str, str] | None = None) -> Any:
+        """See `Engine.settings`; rows that are asked for bring their step with them."""
+        asked = overrides or {}
+        if asked.get("rows") in SLOWEST_STEP:
+            asked = {"dt": repr(self._step(scene, asked["rows"])), **asked}
+        return super().settings(scene, division, asked)
+
+    def _step(self, scene: Scene, rows: str) -> float:
+        """At most d/8 of travel in a step and SLOWEST_STEP sqrt(d/g), in both divisions; d is the smallest diameter."""
         diameter = 2 * min(scene.extreme_radii())
         limits = [scene.duration]
         speed = float(np.linalg.norm(scene.bodies.velocity, axis=1).max(initial=0))
@@ -91,8 +103,8 @@ class Peclet(InTree):
             limits.append(0.125 * diameter / speed)
         gravity = math.hypot(*scene.gravity)
         if gravity:
-            limits.append(0.007 * math.sqrt(diameter / gravity))
-        return {"dt": min(limits), "rows": "rigid" if self._rigid(scene) else "compliant"}
+            limits.append(SLOWEST_STEP[rows] * math.sqrt(diameter / gravity))
+        return min(limits)
 
     def _rigid(self, scene: Scene) -> bool:
         """Whether a scene has rigid rows by default."""
@@ -124,9 +136,18 @@ class Peclet(InTree):
         """See `Engine.estimate`."""
         steps = scene.duration / settings.dt
         if settings.rows == "compliant":
-            steps *= settings.substeps or USUAL_SUBSTEPS
+            steps *= settings.substeps or self._usual_substeps(scene, settings.dt)
         rate = PARTICLE_STEPS_PER_SECOND[settings.rows] * settings.threads
         return 10 + steps * max(len(scene.bodies), 100) / rate
+
+    def _usual_substeps(self, scene: Scene, dt: float) -> float:
+        """About as many substeps as a step of `dt` [s] will have."""
+        from dembench.solver.loads import meetings
+
+        speed = USUAL_SPEED * math.sqrt(math.hypot(*scene.gravity) * 2 * min(scene.extreme_radii()))
+        speed = speed or float(np.linalg.norm(scene.bodies.velocity, axis=1).max(initial=0))
+        contact = min((kind.contact_time(speed) for kind in meetings(scene)), default=math.inf)
+        return max(1.0, dt * math.pi / (USUAL_TURN * contact))
 
     def forceable(self, scene: Scene, settings: PecletSettings) -> list[str]:
         """See `Engine.forceable`; impulses know no rolling friction."""

@@ -47,6 +47,26 @@ def test_other_rows_than_those_of_the_law_can_be_asked_for() -> None:
     assert peclet.settings(SOFT, "closed", {"substeps": "8"}).substeps == 8
 
 
+def test_rows_bring_their_step() -> None:
+    """Compliant rows divide theirs."""
+    peclet = engine("peclet")
+    falling = scene(gravity=(0, 0, -9.81), duration=1.0)
+    own, rigid = peclet.settings(falling, "open"), peclet.settings(falling, "open", {"rows": "rigid"})
+    assert own.dt == pytest.approx(2 * rigid.dt, rel=0.01)
+    assert peclet.settings(falling, "open", {"rows": "rigid", "dt": "1e-5"}).dt == pytest.approx(1e-5)
+
+
+def test_stiff_grains_take_longer() -> None:
+    """Substeps go with the frequency of contacts: E^(2/5) at a speed."""
+    peclet = engine("peclet")
+    times = []
+    for young in (1e8, 1e9):
+        materials = ({"name": "grain", "density": 2500, "young": young, "poisson": 0.2},)
+        falling = scene(gravity=(0, 0, -9.81), duration=1.0, materials=materials)
+        times.append(peclet.estimate(falling, peclet.settings(falling, "open")) - 10)
+    assert times[1] == pytest.approx(10**0.4 * times[0], rel=1e-6)
+
+
 @pytest.mark.parametrize(
     "given", [{"rows": "rigid", "substeps": "8"}, {"substeps": "0"}, {"rows": "soft"}, {"velocity_sweeps": "0"}]
 )

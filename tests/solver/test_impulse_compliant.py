@@ -12,7 +12,7 @@ from impacts import Impact
 
 from dembench.scene import Box, Constraint, LinearSpring, Rigid, Scene
 from dembench.solver import Simulation, SolverError
-from dembench.solver.impulse.compliant_stepper import SUBSTEP
+from dembench.solver.impulse.compliant_substeps import STIFFEST, USUAL
 
 GRAVITY = (0, 0, -9.81)
 N = 24
@@ -356,12 +356,12 @@ def test_an_impact_within_a_step_finds_its_substeps(share: float) -> None:
     mass = float(scene.masses()[0]) / 2
     kn = 4 / 3 * young / (2 * (1 - 0.2**2)) * math.sqrt(RADIUS / 2)
     largest = (1.25 * mass * speed**2 / kn) ** 0.4
-    needed = math.ceil(dt * math.sqrt(1.5 * kn * math.sqrt(largest) / mass) / SUBSTEP)
+    turns = dt * math.sqrt(1.5 * kn * math.sqrt(largest) / mass)
     simulation = compliant(scene, dt)
     simulation.step()
-    assert simulation.counters()["most substeps of a step"] == needed > 2
+    assert simulation.counters()["most substeps of a step"] == math.ceil(turns / STIFFEST) > 2
     simulation.step(20)
-    assert simulation.counters()["most substeps of a step"] == needed
+    assert simulation.counters()["most substeps of a step"] <= math.ceil(turns / USUAL)
     assert simulation.counters()["fewest substeps of a step"] == 1
     assert simulation.velocity[1, 0] - simulation.velocity[0, 0] == pytest.approx(0.5 * speed, abs=0.1 * speed)
 
@@ -383,8 +383,26 @@ def test_a_heavy_ball_meets_grains_with_the_reduced_mass_of_the_pair() -> None:
     largest = (1.25 * mass * speed**2 / kn) ** 0.4
     simulation = compliant(scene, dt)
     simulation.step()
-    needed = math.ceil(dt * math.sqrt(1.5 * kn * math.sqrt(largest) / mass) / SUBSTEP)
+    needed = math.ceil(dt * math.sqrt(1.5 * kn * math.sqrt(largest) / mass) / STIFFEST)
     assert simulation.counters()["most substeps of a step"] == needed
+
+
+def test_contacts_at_rest_need_a_finer_substep_than_an_impact() -> None:
+    """The root mean square of sqrt(k/m*) over a column's contacts, each with Hertz's overlap of the weight on it."""
+    count, dt, young = 10, 2e-3, 1e6
+    z = RADIUS * (1 + 2 * np.arange(count))
+    scene = grains(np.stack([0 * z, 0 * z, z], axis=1), walls=(FLOOR,), gravity=GRAVITY, young=young)
+    simulation = compliant(scene, dt / 20)
+    simulation.step(10_000)
+    found, mass = simulation.contacts(), float(scene.masses()[0])
+    between = found.j >= 0
+    kn = 4 / 3 * young / (1 - 0.2**2) * np.where(between, math.sqrt(RADIUS / 2) / 2, math.sqrt(RADIUS))
+    squares = 1.5 * kn * np.sqrt(found.overlap) / np.where(between, mass / 2, mass)
+    again = compliant(scene, dt)
+    again.position, again.velocity = simulation.position, simulation.velocity
+    again.step()
+    needed = dt * math.sqrt(squares.mean()) / USUAL
+    assert again.counters()["most substeps of a step"] == math.ceil(needed) > math.ceil(1.5 * needed * USUAL / STIFFEST)
 
 
 @pytest.mark.parametrize("kind", ["fixed", "kinematic"])

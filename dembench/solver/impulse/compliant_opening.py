@@ -1,8 +1,12 @@
 """The rows of a substep, opened in its middle: after the first half of the drift.
 
 A row is kept for every pair whose spheres overlap at either end of the way that they go with the velocities of the
-start, with the normal and the overlap in the middle of it. Every row begins with the elastic impulse there: without any
-sweep the substep would be one of position Verlet.
+start, with the normal in the middle of it. Every row begins with the elastic impulse there: without any sweep the
+substep would be one of position Verlet.
+
+The overlap of a row is the mean of those at both ends of the way, so that a row begins with the energy that the one
+before has left. Spheres that pass each other are nearer in the middle, by the sagitta (h vt)^2/(8 L) of their way about
+each other, with the tangential speed vt and the distance L of their centres; so it is at mantles and edges.
 
 The spring grows by the sliding of the motion that was really made, the velocities after all rows, and not by that which
 a row foresaw: the energy in it is then the work of the motion.
@@ -58,6 +62,7 @@ def opening_functions(o: CompliantOptions) -> Any:
     surface = surface_functions(o.law)
     arm_of, spring_of = surface.arm, surface.spring
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
+    mean_distance_of = of_feature.mean_distance
     radius = radius_function(precision, o.radii)
     friction, linear, shared = o.law.friction, o.law.linear, o.shared
 
@@ -79,6 +84,10 @@ def opening_functions(o: CompliantOptions) -> Any:
                     lt = lt * (bound / wp.sqrt(size2))
                 p = p + lt
         return p
+
+    @wp.func
+    def sagitta(v: vec3, vn: real, h: real, distance: real):
+        return real(0.125) * h * h * (wp.dot(v, v) - vn * vn) / distance
 
     @wp.func
     def open_row(
@@ -172,7 +181,9 @@ def opening_functions(o: CompliantOptions) -> Any:
                 if r > real(0.0):
                     n = e * (real(1.0) / r)
                 v = vec3(real(d[3]), real(d[4]), real(d[5]))
-                if overlap + real(0.5) * h * wp.abs(wp.dot(v, n)) > real(0.0):
+                vn = wp.dot(v, n)
+                mean = overlap - sagitta(v, vn, h, real(sum))
+                if mean + real(0.5) * h * wp.abs(vn) > real(0.0):
                     kept = 1
                     wj = vec3()
                     if wp.static(friction):
@@ -185,7 +196,7 @@ def opening_functions(o: CompliantOptions) -> Any:
                     m = vec4()
                     if wp.static(friction):
                         m = memory_of(lists, k)
-                    p = open_row(rows, found, i, j, k, n, overlap, v, wi, wj, ai, aj, m, c, h, grown)
+                    p = open_row(rows, found, i, j, k, n, mean, v, wi, wj, ai, aj, m, c, h, grown)
                     found += 1
                     largest = wp.max(largest, overlap)
                     turn = wp.cross(n, p)
@@ -236,11 +247,13 @@ def opening_functions(o: CompliantOptions) -> Any:
                 memory = lists.big_memory[slot]
                 si, sj = spin(b, i), spin(b, j)
                 wi, wj = vec3(si[0], si[1], si[2]), vec3(sj[0], sj[1], sj[2])
-            if overlap + real(0.5) * h * wp.abs(wp.dot(v, n)) > real(0.0):
+            vn = wp.dot(v, n)
+            mean = overlap - sagitta(v, vn, h, real(sum))
+            if mean + real(0.5) * h * wp.abs(vn) > real(0.0):
                 c = of_pair(b, i, j, table, columns)
                 rows.c[found - shift] = c
                 ai, aj = arm_of(ri, overlap), arm_of(rj, overlap)
-                p = open_row(rows, found, i, j, slot, n, overlap, v, wi, wj, ai, aj, memory, c, h, grown)
+                p = open_row(rows, found, i, j, slot, n, mean, v, wi, wj, ai, aj, memory, c, h, grown)
                 found += 1
                 largest = wp.max(largest, overlap)
                 turn = wp.cross(n, p)
@@ -285,12 +298,16 @@ def opening_functions(o: CompliantOptions) -> Any:
             ai = arm_of(radius_i, overlap)
             dv = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, poses, x - wp.float64(ai) * normal)
             v = vec3(real(dv[0]), real(dv[1]), real(dv[2]))
+            mean = overlap
+            if overlap + h * (wp.length(v) + fall) > real(0.0):
+                way = wp.float64(h) * wp.vec3d(k[3], k[4], k[5])
+                mean = real(radius_i - mean_distance_of(features, f, poses, x, way, wp.float64(h), distance, normal))
             memory, w = vec4(), vec3()
             if wp.static(friction):
                 memory = lists.wall_memory[q]
                 s = spin(b, i)
                 w = vec3(s[0], s[1], s[2])
-            if overlap + real(0.5) * h * (wp.abs(wp.dot(v, n)) + fall) > real(0.0):
+            if mean + real(0.5) * h * (wp.abs(wp.dot(v, n)) + fall) > real(0.0):
                 c = of_wall(b, i, features.features[f].kind, table, columns)
                 rows.c[found - shift] = c
                 p = open_row(
@@ -300,7 +317,7 @@ def opening_functions(o: CompliantOptions) -> Any:
                     fixed,
                     q,
                     n,
-                    overlap,
+                    mean,
                     v,
                     w,
                     vec3(),

@@ -33,7 +33,7 @@ from dembench.solver.walls.records import Walls
 
 FLAGS, TRAVEL = 10, 10
 """Lengths of `state` and `travel` before what each segment of the rows, and each thread, has there."""
-PER_SEGMENT, PER_THREAD = 2, 5
+PER_SEGMENT, PER_THREAD = 2, 7
 """Entries of a segment in `state` and of a thread in `travel`."""
 
 
@@ -42,10 +42,11 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     """The kernel that carries one thread through up to `steps` steps, of which the scene has made `first`.
 
     Each substep: half a drift; rows from the near pairs, the candidates of large bodies and the walls; their first
-    impulses; sweeps; half a drift with the new velocities. `substeps` is the number of substeps of a step, 0 where
-    `limit`, the largest h omega, decides. With `driven` = 1 the load of the bodies acts on them all the time. A launch
-    may come back within a step, with `state[5]` substeps to go, and goes on there; where the lists were built anew,
-    what is left of the step is divided anew. The rows of segment s begin at row_base[s]; the bridge is the last one.
+    impulses; sweeps; half a drift with the new velocities. `substeps` is the number of substeps of a step, 0 where the
+    stiffness of contacts decides, see `stiffness_functions`. With `driven` = 1 the load of the bodies acts on them all
+    the time. A launch may come back within a step, with `state[5]` substeps to go, and goes on there; where the lists
+    were built anew, what is left of the step is divided anew. The rows of segment s begin at row_base[s]; the bridge is
+    the last one.
 
     `state` (int32): 0, 1 barrier, 2 steps done, 3 reason for coming back, 5 substeps left, 6 direction of the next
     sweep, 7 substeps made in this step, 8 fewest and 9 most substeps of a step; from FLAGS on for each segment: where
@@ -54,8 +55,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     `travel` (float64): 0 since the lists were built, 1 since the near pairs were picked, 2 of large and small bodies
     since the candidates were listed, 4 gap up to which pairs count as near and 5 bodies as candidates, 6 substep, 7
     that of the last substep made, 8 substeps made in all, 9 travel of the fastest small body in a substep; from TRAVEL
-    on for each thread: largest squared speed of small and of large bodies, sum of squared speeds, largest omega^10,
-    largest overlap.
+    on for each thread: largest squared speed of small and of large bodies, sum of squared speeds, what its contacts
+    need, largest overlap.
     """
     t = types(o.law.precision)
     real, vec4, vec8 = t.real, t.vec4, t.vec8
@@ -67,7 +68,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     opening, stiffness, sweep = opening_functions(o), stiffness_functions(o), sweep_function(o)
     open_pairs, open_bigs, open_walls = opening.pairs, opening.bigs, opening.walls
     stiff_pairs, stiff_bigs, stiff_walls = stiffness.pairs, stiffness.bigs, stiffness.walls
-    frequency = stiffness.frequency
+    joined, rate = stiffness.joined, stiffness.rate
     near = near_functions(o.law.precision, o.periodic, o.radii, o.law.friction)
     pick_near, pick_big = near.pick_near, near.pick_big
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
@@ -121,7 +122,6 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         substeps: int,
         sweeps: int,
         driven: int,
-        limit: wp.float64,
         first: wp.float64,
         dt: wp.float64,
         gravity: wp.vec3d,
@@ -201,12 +201,12 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     if since_near >= zero and two * (since_near + look) <= near_gap:
                         near_only = 1
                         listed, listed_across = near_count[inside] + 0, near_count[across] + 0
-                    power = stiff_pairs(
+                    need = stiff_pairs(
                         b, lists, base[inside], listed, near_only, one, pair_table, pair_columns, ahead, two * look
                     )
                     if wp.static(threads):
-                        power = wp.max(
-                            power,
+                        need = joined(
+                            need,
                             stiff_pairs(
                                 b,
                                 lists,
@@ -230,13 +230,13 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                             reason = int(BIG_OVERFLOW)
                             going = 0
                         elif part == 0:
-                            power = wp.max(
-                                power,
+                            need = joined(
+                                need,
                                 stiff_bigs(b, lists, near_count[2 * parts], pair_table, pair_columns, ahead, look_big),
                             )
                     if wp.static(present):
-                        power = wp.max(
-                            power,
+                        need = joined(
+                            need,
                             stiff_walls(
                                 b,
                                 lists,
@@ -251,11 +251,15 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                             ),
                         )
                     if wp.static(threads):
-                        travel[slot + 3] = power
+                        for c in range(3):
+                            travel[slot + 3 + c] = need[c]
                         barrier(state, parts)
-                        power = largest_of(travel, 3, parts)
+                        need = wp.vec3d()
+                        for p in range(parts):
+                            at = slots + wp.static(PER_THREAD) * p + 3
+                            need = joined(need, wp.vec3d(travel[at], travel[at + 1], travel[at + 2]))
                     if going == 1:
-                        left = wp.max(int(wp.ceil(ahead * frequency(power) / limit)), 1)
+                        left = wp.max(int(wp.ceil(ahead * rate(need))), 1)
                 if going == 1:
                     h = ahead / wp.float64(left)
                     f = h * gravity
@@ -481,7 +485,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         if wp.static(timed):
             now = dt * (first + wp.float64(done))
             place(walls, poses, now, now)
-        travel[slot + 4] = wp.max(travel[slot + 4], wp.float64(deepest))
+        travel[slot + 6] = wp.max(travel[slot + 6], wp.float64(deepest))
         if part == 0:
             travel[0] = since_build
             travel[1] = since_near

@@ -23,9 +23,6 @@ from dembench.solver.returns import BIG_OVERFLOW, NOT_FINITE, REBUILD, ROW_OVERF
 from dembench.solver.soft import unsupported_features
 from dembench.solver.state import State
 
-SUBSTEP = 1.2
-"""Largest substep times the frequency of the stiffest contact. Collisions are the law's up to 2; from 1.3 on one sweep
-no longer finds the forces of a pile at rest, whose floor then carries its weight to 0.5 % only."""
 SKIN, SKIN_SUBSTEPS, SKIN_LIMIT = 0.2, 24, 0.5
 """Gap up to which pairs are listed: at least SKIN smallest diameters; room for SKIN_SUBSTEPS substeps of the fastest
 body, but not more than SKIN_LIMIT diameters for it: long lists cost more memory than rebuilds time."""
@@ -98,7 +95,7 @@ class CompliantImpulses:
         s, t, d = self.state, self._tables, self.state.diameter
 
         def one(part: int) -> None:
-            inputs = [part, s.parts, n, self.substeps, self.sweeps, int(self.driven), SUBSTEP, float(first), self.dt]
+            inputs = [part, s.parts, n, self.substeps, self.sweeps, int(self.driven), float(first), self.dt]
             inputs += [self._gravity, s.ranges, s.n, s.total]
             inputs += [s.walls.record, s.wall_speed, t.pairs, t.pair_columns, t.walls, t.wall_columns]
             inputs += [s.skin, NEAR_SKIN * d, BIG_SKIN * d, s.base, s.wall_capacity, s.big_capacity, self._row_base]

@@ -101,12 +101,14 @@ def part_distance(f: Feature, spaces: wp.array(dtype=wp.vec3d), x: wp.vec3d, sla
 
 @cache
 def wall_functions(o: WallOptions) -> Any:
-    """Warp functions `local`, `near`, `distance`, `extended`, `velocity` and `spin`.
+    """Warp functions `local`, `near`, `distance`, `extended`, `mean_distance`, `velocity` and `spin`.
 
     All take (walls, k, first, x): feature k, where the poses of the thread begin, a point; local takes a motion for k.
     local: the point in the frame of the walls of the motion. distance: (distance, unit normal into the void); FAR where
     there can be no contact. extended: the same without regard to the region of a part of a mesh. near(..., slack): what
     the distance is in a region wider by `slack`, for lists. velocity: that of the surface; spin(walls, k, first).
+    mean_distance(..., x, way, time, d, n): mean of those at both ends of a straight way of a body that takes `time`, in
+    the middle x of which the distance is d with the normal n.
     """
     curved, grids, meshes, timed, moving = o.curved, o.grids, o.meshes, o.timed, o.moving
 
@@ -175,6 +177,22 @@ def wall_functions(o: WallOptions) -> Any:
         return v
 
     @wp.func
+    def mean_distance(
+        walls: Walls, k: int, first: int, x: wp.vec3d, way: wp.vec3d, time: wp.float64, d: wp.float64, n: wp.vec3d
+    ):
+        mean = wp.float64(d)
+        if wp.static(curved or meshes):
+            shape = walls.features[k].shape
+            if shape == wp.static(MANTLE) or shape > wp.static(FACE):
+                half = wp.float64(0.5) * way
+                if wp.static(timed):
+                    if moved(walls, walls.features[k].motion, first):
+                        half = half - wp.float64(0.5) * time * velocity(walls, k, first, x)
+                at_start, _n = extended(walls, k, first, x - half)
+                mean = at_start + wp.dot(half, n)
+        return mean
+
+    @wp.func
     def spin(walls: Walls, k: int, first: int):
         w = wp.vec3d()
         if wp.static(moving):
@@ -183,4 +201,12 @@ def wall_functions(o: WallOptions) -> Any:
                 w = walls.poses[first + m].spin + wp.vec3d()
         return w
 
-    return SimpleNamespace(local=local, near=near, distance=distance, extended=extended, velocity=velocity, spin=spin)
+    return SimpleNamespace(
+        local=local,
+        near=near,
+        distance=distance,
+        extended=extended,
+        mean_distance=mean_distance,
+        velocity=velocity,
+        spin=spin,
+    )
