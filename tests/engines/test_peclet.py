@@ -62,7 +62,8 @@ def test_stiff_grains_take_longer() -> None:
     times = []
     for young in (1e8, 1e9):
         materials = ({"name": "grain", "density": 2500, "young": young, "poisson": 0.2},)
-        falling = scene(gravity=(0, 0, -9.81), duration=1.0, materials=materials)
+        bodies = {"position": [[0, 0, 0], [0, 0, 0.01]]}
+        falling = scene(gravity=(0, 0, -9.81), duration=1.0, materials=materials, bodies=bodies)
         times.append(peclet.estimate(falling, peclet.settings(falling, "open")) - 10)
     assert times[1] == pytest.approx(10**0.4 * times[0], rel=1e-6)
 
