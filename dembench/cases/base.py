@@ -20,6 +20,8 @@ from dembench.scene.base import Model
 
 Preset = Literal["quick", "published"]
 Kind = Literal["closed form", "converged run", "ensemble", "publication"]
+Worse = Literal["higher", "lower", "either"]
+"""Which change of a number from one version to the next is for the worse."""
 
 
 class CaseError(ValueError):
@@ -35,12 +37,17 @@ class Quantity:
         title: What it is, for tables.
         value: In `unit`.
         unit: SI unit.
+        margin: Largest change from one version to the next, or from one engine to another, that does not matter, in
+            `unit`; None for a share of the value. What can be zero or near it has one.
+        worse: Which change is for the worse: `higher` of what a right run does not have at all.
     """
 
     name: str
     title: str
     value: float
     unit: str
+    margin: float | None = None
+    worse: Worse = "either"
 
 
 @dataclass(frozen=True)

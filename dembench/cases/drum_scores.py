@@ -11,7 +11,15 @@ import numpy as np
 from dembench.cases import drum_bed
 from dembench.cases.base import Curve, Preset, Quantity, Recorded, Reference
 from dembench.cases.publication import cited, published
-from dembench.cases.quantities import Extremum, extrema, kept_shape, overlap_in_diameters, titled
+from dembench.cases.quantities import (
+    OVERLAP_MARGIN,
+    SHARE,
+    Extremum,
+    extrema,
+    kept_shape,
+    overlap_in_diameters,
+    titled,
+)
 from dembench.scene import Scene
 
 COUNTED = "zone2.M1"
@@ -42,6 +50,8 @@ QUANTITIES = {
     "overlap": ("Largest overlap, in diameters of the smallest grains", "1"),
 }
 """Title and unit of every quantity, in the order of tables."""
+MARGINS = {"lacey_start": SHARE, "lacey_end": SHARE, "slip": SHARE, "overlap": OVERLAP_MARGIN}
+"""Changes that do not matter of what can be zero: indices and slip lie between 0 and 1 [-]."""
 
 
 def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
@@ -55,7 +65,7 @@ def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
     if shots is not None and len(shots.time):
         found |= _bed(scene, shots)
     found["overlap"] = overlap_in_diameters(scene, result)
-    return titled(QUANTITIES, found)
+    return titled(QUANTITIES, found, MARGINS)
 
 
 def _grains(scene: Scene, species: str) -> int:

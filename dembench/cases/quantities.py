@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,15 +13,28 @@ from dembench.scene import Scene
 AT_REST = 0.01
 LARGEST_OVERLAP = 0.05
 """Overlap of grains in diameters above which they are no grains of their shape [-]."""
+OVERLAP_MARGIN = 0.1 * LARGEST_OVERLAP
+"""Change of the largest overlap, in diameters, that does not matter [-]."""
+SHARE = 0.01
+"""Change of a quantity that does not matter, as a share of its scale [-]."""
 
 Titles = Mapping[str, tuple[str, str]]
 """Title and unit of quantities by name, in the order of tables."""
 
 
-def titled(titles: Titles, found: Mapping[str, float | None]) -> list[Quantity]:
-    """The quantities that were found, with their titles and units, in the order of tables."""
+def titled(
+    titles: Titles, found: Mapping[str, float | None], margins: Mapping[str, float], excesses: Collection[str] = ()
+) -> list[Quantity]:
+    """The quantities that were found, with their titles and units, in the order of tables.
+
+    Args:
+        titles: Titles and units.
+        found: Values; None for what the record does not cover.
+        margins: Changes that do not matter, in the units of the quantities; see `Quantity`.
+        excesses: Quantities of which more is worse.
+    """
     return [
-        Quantity(name, title, value, unit)
+        Quantity(name, title, value, unit, margins.get(name), "higher" if name in excesses else "either")
         for name, (title, unit) in titles.items()
         if (value := found.get(name)) is not None
     ]

@@ -8,7 +8,7 @@ import numpy as np
 
 from dembench.cases.base import Curve, Preset, Quantity, Ratio, Recorded, Reference
 from dembench.cases.publication import cited, published
-from dembench.cases.quantities import kept_shape, overlap_in_diameters, titled
+from dembench.cases.quantities import OVERLAP_MARGIN, SHARE, kept_shape, overlap_in_diameters, titled
 from dembench.scene import Count, Scene
 
 LEAST = 0.02
@@ -37,7 +37,22 @@ def quantities(scene: Scene, result: Recorded) -> list[Quantity]:
         found["left"] = float(count[-1]) if time[-1] >= scene.duration * (1 - 1e-9) else None
         found["wall_load"] = _wall_load(scene, result, time, count)
     found["overlap"] = overlap_in_diameters(scene, result)
-    return titled(QUANTITIES, found)
+    return titled(QUANTITIES, found, _margins(scene))
+
+
+def _margins(scene: Scene) -> dict[str, float]:
+    """Changes that do not matter of what can be zero.
+
+    A fitted line that turns about the middle of the window by as much as its slope may differ meets the initial count
+    earlier or later by that share of the time to the middle; the rate may change by it from one end to the other.
+    """
+    low, high = window(scene)
+    return {
+        "rate_change": SHARE / (high - low),
+        "onset": SHARE * (low + high) / 2,
+        "left": SHARE * len(scene.bodies),
+        "overlap": OVERLAP_MARGIN,
+    }
 
 
 def window(scene: Scene) -> tuple[float, float]:

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import BeforeValidator, PlainSerializer
 
+from dembench.cases.base import Worse
+from dembench.cases.quantities import SHARE
 from dembench.regression import RegressionError, intervals
 from dembench.regression.intervals import Kind
 from dembench.scoring.ensembles import Margin
 from dembench.verification.checks import Check
 
-Worse = Literal["higher", "lower", "either"]
-"""Which change is a regression."""
-
 SPEED = Margin(0.08)
 """Slowdown that does not matter: the smallest of eight repeats scatters by one to two per cent on a busy machine."""
-QUANTITY = Margin(0.01)
+QUANTITY = Margin(SHARE)
 """Change of a quantity of a case that does not matter; where it scatters over seeds, the interval is added to it."""
 SHARE_OF_CHECK = 0.25
 """Change of a checked value that does not matter, as a share of the tolerance of the check."""

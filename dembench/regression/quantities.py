@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
-from dembench.cases.base import CaseError, Reference
+from dembench.cases.base import CaseError, Quantity, Reference
 from dembench.cases.registry import parse_case
 from dembench.regression import RegressionError
-from dembench.regression.metrics import QUANTITY, SHARE_OF_CHECK, Key, Metric, Worse
+from dembench.regression.metrics import QUANTITY, SHARE_OF_CHECK, Key, Metric
 from dembench.regression.records import engine_of, grouped, problem_of
 from dembench.runs.directory import RunRecord
 from dembench.scoring.ensembles import Margin
@@ -27,19 +25,19 @@ def quantities(records: Sequence[RunRecord]) -> list[Metric]:
     found = []
     first = [r for r in records if r.spec.preset is not None and r.spec.repeat == 1]
     for (problem, engine), seeds in grouped(first, lambda run: (problem_of(run), engine_of(run))).items():
-        own: dict[str, _Quantity] = {}
+        own: dict[str, _OverSeeds] = {}
         for record in seeds:
             for s in _scores(record):
-                own.setdefault(s.quantity.name, _Quantity(s.quantity.title, s.quantity.unit)).add(record.name, s)
+                own.setdefault(s.quantity.name, _OverSeeds(s.quantity)).add(record.name, s)
         found += [quantity.metric(Key(problem, engine, name)) for name, quantity in own.items()]
     return found
 
 
-class _Quantity:
+class _OverSeeds:
     """A quantity over the seeds with its references."""
 
-    def __init__(self, title: str, unit: str) -> None:
-        self._title, self._unit = title, unit
+    def __init__(self, quantity: Quantity) -> None:
+        self._quantity = quantity
         self._values: dict[str, float] = {}
         self._references: list[Reference] = []
         self._accepted = True
@@ -53,22 +51,19 @@ class _Quantity:
 
     def metric(self, key: Key) -> Metric:
         """The metric of all runs."""
-        values = tuple(self._values.values())
-        worse, margin = _what_counts(self._references, float(np.mean(values)))
+        values, q = tuple(self._values.values()), self._quantity
         state = "ok" if self._accepted else "inaccurate"
         target = next((r.value for r in self._references if r.value is not None), None)
-        return Metric(key, self._title, self._unit, "quantity", values, worse, margin, target, state)
+        return Metric(key, q.title, q.unit, "quantity", values, q.worse, margin_of(q, self._references), target, state)
 
 
-def _what_counts(references: Sequence[Reference], value: float) -> tuple[Worse, Margin]:
-    """Direction and margin; where all references are bounds on one side, the bound gives a scale, too."""
-    lows = [r.low for r in references if r.low is not None]
-    highs = [r.high for r in references if r.high is not None]
-    if bool(lows) == bool(highs) or any(r.value is not None for r in references):
-        return "either", QUANTITY
-    scale = max(abs(bound) for bound in (lows or highs))
-    size = max(QUANTITY.of(value), SHARE_OF_CHECK * scale)
-    return ("lower" if lows else "higher"), Margin(size, relative=False)
+def margin_of(quantity: Quantity, references: Sequence[Reference]) -> Margin:
+    """Change that does not matter: the quantity's own, as of a check where a closed form has a band, else a share."""
+    if quantity.margin is not None:
+        return Margin(quantity.margin, relative=False)
+    bands = [(r.low, r.high) for r in references if r.kind == "closed form"]
+    halves = [0.5 * (high - low) for low, high in bands if low is not None and high is not None]
+    return Margin(SHARE_OF_CHECK * min(halves), relative=False) if halves else QUANTITY
 
 
 def _scores(record: RunRecord) -> list[Score]:

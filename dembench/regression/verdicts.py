@@ -127,8 +127,6 @@ def _word(metric: Metric, expected: Expectation, change: Interval, margin: float
         return "improvement", "it was outside what is accepted and is inside now"
     if abs(change.value) <= margin:
         return "ok", ""
-    if expected.tolerance.relative and not margin:
-        return "undecided", f"a share of 0 says nothing; give a tolerance in {expected.unit} in the baseline"
     higher = change.value > 0
     worse = expected.worse == "either" or (expected.worse == "higher") == higher
     if worse and metric.kind == "check" and expected.target is not None and _nearer(metric.value, expected) > margin:
@@ -137,7 +135,9 @@ def _word(metric: Metric, expected: Expectation, change: Interval, margin: float
     if not worse:
         return ("improvement" if beyond else "ok"), ""
     if beyond:
-        return "regression", ""
+        share_of_0 = expected.tolerance.relative and not margin
+        hint = f"a share of 0 allows nothing; give a tolerance in {expected.unit} in the baseline"
+        return "regression", hint if share_of_0 else ""
     if not math.isfinite(change.low):
         return "undecided", "a single time may be disturbed; repeat it"
     return "undecided", "it may be scatter; with more seeds or repeats the interval is narrower"

@@ -286,6 +286,16 @@ def test_a_rebound_on_springs_is_no_rise_of_the_energy(quick):
     assert scored(quick, result, "quick")["energy_rise"].quantity.value == pytest.approx(0.003)
 
 
+def test_what_can_be_zero_has_a_margin_of_its_own(quick):
+    """The ball has 0.377 J and 0.14 m to the floor. Energy that appears is for the worse, a wider gap is a change."""
+    found = {q.name: q for q in case("case3").quantities(quick, record(quick, like_the_quick_bed))}
+    assert (
+        found["energy_excess"].margin == pytest.approx(3.77e-6, rel=1e-3) and found["energy_excess"].worse == "higher"
+    )
+    assert found["floor_clearance"].margin == pytest.approx(1.402e-3, rel=1e-3)
+    assert found["floor_clearance"].worse == "either" and found["descent_25ms"].margin is None
+
+
 def test_a_bed_of_ones_own_is_compared_with_the_ensemble(given):
     found, parameters = parse_case("case3")
     scene = found.scene(parameters, "published", given)

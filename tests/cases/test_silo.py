@@ -177,6 +177,15 @@ def test_a_record_that_ends_early_has_no_rate(unsettled):
     assert "emptying_time" not in names
 
 
+def test_what_can_be_zero_has_a_margin_of_its_own(unsettled):
+    """1 % of a rate that is fitted between 0.3 and 1.7 s: over 1.4 s, and 1 s from the onset."""
+    scene = scene_of("case1", "quick")
+    case, _ = parse_case("case1")
+    found = {q.name: q.margin for q in case.quantities(scene, draining(scene, 5000.0))}
+    assert found["rate_change"] == pytest.approx(0.01 / 1.4) and found["onset"] == pytest.approx(0.01)
+    assert found["left"] == pytest.approx(240) and found["discharge_rate"] is None
+
+
 def test_beverloo_by_hand(unsettled):
     """Large orifice, 4 mm grains: 0.58 * 1500 kg/m3 * sqrt(9.81) * (0.06 - 1.4 * 0.004)^2.5 over 8.378e-5 kg."""
     scene = scene_of("case1", "published")

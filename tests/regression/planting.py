@@ -1,14 +1,13 @@
-"""Faults planted into runs: scenes that answer to each of them, engines that read other numbers, engines that are slow.
+"""Faults planted into runs: engines that read other numbers, and engines that are slow.
 
 As a program, `planting.py DECK` is that of the in-tree engines with the slow ones in their place.
 """
 
 from __future__ import annotations
 
-import math
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,25 +15,9 @@ from dembench.engines import in_tree_program, registry
 from dembench.engines.base import Phase
 from dembench.engines.peclet import Peclet
 from dembench.engines.peclet_hertz import PecletHertz
-from dembench.results import Result
-from dembench.scene import (
-    Bodies,
-    Domain,
-    HertzMindlin,
-    Material,
-    PairLaw,
-    Plane,
-    Scene,
-    Snapshot,
-    Species,
-)
-from dembench.verification.checks import Check, Suite, on_one_scene
+from dembench.scene import PairLaw, Scene
 
 SLOWDOWN = 1.2
-RADIUS, DENSITY, YOUNG, POISSON = 1e-3, 2500.0, 1e7, 0.25
-RESTITUTION, FRICTION, GRAVITY = 0.6, 0.3, 9.81
-SPEED, SLIDE, DURATION = 0.5, 0.4, 0.02
-MASS = 4 / 3 * math.pi * RADIUS**3 * DENSITY
 
 Fault = Callable[[Scene], Scene]
 
@@ -58,82 +41,6 @@ FAULTS: dict[str, Fault] = {
     "E": _stiffer,
 }
 """Errors of 2 % in g, e and mu and of 5 % in E."""
-ANSWERS = {"g": "PL1", "e": "PL2", "mu": "PL3", "E": "PL4"}
-"""The check that is made for each of them."""
-
-
-# ---- a suite that answers
-
-
-def scene() -> Scene:
-    """A grain that falls (0), two that meet head-on (1, 2), one that slides (3), two elastic ones that meet (4, 5)."""
-    gap = 1.01 * RADIUS
-    return Scene(
-        name="planted",
-        law=HertzMindlin(),
-        materials=(
-            Material(name="dull", density=DENSITY, young=YOUNG, poisson=POISSON),
-            Material(name="bright", density=DENSITY, young=YOUNG, poisson=POISSON),
-        ),
-        pair_laws=(
-            PairLaw(a="dull", b="dull", restitution=RESTITUTION, friction=FRICTION),
-            PairLaw(a="dull", b="bright", restitution=RESTITUTION, friction=FRICTION),
-            PairLaw(a="bright", b="bright", restitution=1.0, friction=FRICTION),
-        ),
-        species=tuple(Species(name=name, material=name, radius=RADIUS) for name in ("dull", "bright")),
-        walls=(Plane(name="floor", material="dull", point=(0, 0, 0), normal=(0, 0, 1)),),
-        bodies=Bodies(
-            position=[
-                [0, 0, 0.02],
-                [-gap, 0.01, 0.02],
-                [gap, 0.01, 0.02],
-                [0, 0.02, RADIUS],
-                [-gap, 0.03, 0.02],
-                [gap, 0.03, 0.02],
-            ],
-            velocity=[
-                [0, 0, 0],
-                [SPEED / 2, 0, 0],
-                [-SPEED / 2, 0, 0],
-                [SLIDE, 0, 0],
-                [2 * SPEED, 0, 0],
-                [-2 * SPEED, 0, 0],
-            ],
-            species=[0, 0, 0, 0, 1, 1],
-        ),
-        domain=Domain(lower=(-0.1, -0.1, -0.1), upper=(0.1, 0.1, 0.1)),
-        gravity=(0, 0, -GRAVITY),
-        duration=DURATION,
-        time_step=1e-6,
-        observables=(Snapshot(name="motion", times=(*(k * 2e-6 for k in range(61)), DURATION)),),
-    )
-
-
-def measure(result: Result) -> Mapping[str, float]:
-    """Fall, restitution, loss of speed by friction, and largest overlap of the elastic pair on record."""
-    seen = result.snapshots["motion"]
-    first, last, velocity = seen.position[0, :, 2], seen.position[-1, :, 2], seen.velocity[-1, :, 0]
-    apart = seen.position[:, 5, 0] - seen.position[:, 4, 0]
-    return {
-        "PL1": first[0] - last[0],
-        "PL2": (velocity[2] - velocity[1]) / SPEED,
-        "PL3": SLIDE - velocity[3],
-        "PL4": 2 * RADIUS - float(apart.min()),
-    }
-
-
-def suite() -> Suite:
-    """The suite of that scene."""
-    modulus, reduced = YOUNG / (2 * (1 - POISSON**2)), RADIUS / 2
-    deepest = (15 * (MASS / 2) * (4 * SPEED) ** 2 / (16 * math.sqrt(reduced) * modulus)) ** 0.4
-    checks = (
-        Check("PL1", "free fall", "m", GRAVITY * DURATION**2 / 2, 1e-5, "g t^2/2"),
-        Check("PL2", "head-on restitution", "1", RESTITUTION, 0.04, "restitution that was set"),
-        Check("PL3", "speed lost by sliding", "m/s", FRICTION * GRAVITY * DURATION, 1e-3, "Coulomb: mu g t"),
-        Check("PL4", "deepest overlap of an elastic impact", "m", deepest, 0.03 * deepest, "Hertz"),
-    )
-    experiments = (on_one_scene("planted", "One scene for g, e, mu and E", scene, measure, checks),)
-    return Suite("planted", "Planted faults", "", "closed forms", experiments)
 
 
 # ---- engines that read other numbers, or take longer

@@ -36,6 +36,16 @@ def test_the_direction_tells_a_regression_from_an_improvement(worse: str, higher
     assert word(metric("depth", 0.9), old) == lower
 
 
+def test_a_share_of_nothing_allows_no_change_and_a_tolerance_in_the_unit_does() -> None:
+    nothing = metric("rise", 0.0)
+    (found,) = judge(gathered(metric("rise", 1e-5)), blessed(nothing))
+    assert found.word == "regression" and "give a tolerance in m" in found.detail
+    assert word(metric("rise", 0.0), nothing) == "ok"
+    within = metric("rise", 0.0, worse="higher", margin=Margin(1e-6, relative=False))
+    assert word(metric("rise", 1e-5), within) == "regression"
+    assert word(metric("rise", 1e-7), within) == "ok"
+
+
 def test_nearer_to_the_exact_value_is_an_improvement_and_as_far_on_the_other_side_is_not() -> None:
     old = metric("restitution", 0.49, kind="check", target=0.5, margin=Margin(0.001, relative=False))
     assert word(metric("restitution", 0.499, kind="check"), old) == "improvement"
