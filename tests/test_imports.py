@@ -110,6 +110,30 @@ def test_it_joins_the_group_of_a_run_of_the_same_problem(tmp_path, quick):
     assert len({(m.shown.look.colour, m.style) for m in group.members}) == 2
 
 
+@pytest.mark.parametrize("initial", [None, "elsewhere"])
+def test_a_silo_needs_no_initial_state(tmp_path, monkeypatch, initial):
+    """The published silo of 100 000 grains, as a user has it: no run, no fill in the cache, no file of the grains.
+
+    A count that falls by 23 200 a second after 0.15 s, the published guide line, gets the published verdict.
+    """
+    monkeypatch.undo()
+    monkeypatch.setenv("DEMBENCH_CACHE", str(tmp_path / "cache"))
+    time = np.arange(51) * 0.1
+    np.savez(tmp_path / "silo.npz", t=time, count=np.clip(100000 - 23200 * (time - 0.15), 0, 100000).round())
+    given = None if initial is None else tmp_path / initial
+    (tmp_path / "elsewhere").mkdir()
+    run = import_file("case1", tmp_path / "silo.npz", "granoo", Origin(initial=given, out=tmp_path / "runs"))
+    assert run.status.state == "ok" and run.spec.bodies == 100000
+    rate = {q.name: q.value for q in silo.Silo().quantities(run.result.scene, run.result)}["discharge_rate"]
+    assert rate == pytest.approx(23200, rel=1e-4)
+    notes = run.result.provenance["imported"]["notes"]
+    assert run.spec.scene_name.endswith("_unsettled") and "where they start is not known here" in notes[-1]
+    assert any("no initial state of this problem" in note for note in notes) == (initial is not None)
+    np.savez(tmp_path / "wrong.npz", t=time, z=-time)
+    with pytest.raises(ForeignError, match="no column 'count'; case1 needs t, count"):
+        import_file("case1", tmp_path / "wrong.npz", "granoo", Origin(initial=given, out=tmp_path / "other"))
+
+
 def test_the_same_file_again_is_the_same_run(tmp_path, quick):
     path = written(tmp_path, "case1")
     first, second = (import_file("case1", path, "granoo", quick) for _ in range(2))
@@ -126,17 +150,25 @@ def test_a_folder(tmp_path, quick):
     folder.mkdir()
     written(folder, "case1[orifice=small,material=M2]", name="case1_small_M2_some_code.npz")
     written(folder, "case1", name="case1_large_M1_musen.npz")
-    written(folder, "case2", name="case2_other.npz")
+    written(folder, "case2", name="case2_my-code.npz")
     np.savez(folder / "case3_25k_wrong.npz", t=[0.0, 0.1], count=[1, 2])
-    (folder / "timings.json").write_text('{"case2_other": 5586.0}')
-    runs, refused = import_folder(folder, quick)
-    assert [(r.spec.case, r.spec.engine) for r in runs] == [
+    np.savez(folder / "case3_25k_two words.npz", t=[0.0, 0.1], count=[1, 2])
+    (folder / "timings.json").write_text('{"case2_my-code": 5586.0}')
+    for name in ("case4_code.npz", "README.md"):
+        (folder / name).write_text("")
+    done = import_folder(folder, quick)
+    assert [(r.spec.case, r.spec.engine) for r in done.runs] == [
         ("case1", "musen"),
         ("case1[orifice=small,material=M2]", "some-code"),
-        ("case2", "other"),
+        ("case2", "my-code"),
     ]
-    assert [r.result.provenance["imported"]["wall"] for r in runs] == [None, None, 5586.0]
-    assert len(refused) == 1 and "no column 'z'; case3 needs t, z, the file has t, count" in refused[0]
+    assert [r.result.provenance["imported"]["wall"] for r in done.runs] == [None, None, 5586.0]
+    assert len(done.refused) == 2 and "'two words' is no name of a program" in done.refused[0]
+    assert "no column 'z'; case3 needs t, z, the file has t, count" in done.refused[1]
+    assert done.left_out == ("README.md", "case4_code.npz")
+    words = ["import", str(folder), "--preset", "quick", "--out", str(quick.out)]
+    printed = " ".join(CliRunner().invoke(app, words).output.split())
+    assert "not called like case1_large_M1_NAME, case2_NAME or case3_25k_NAME: README.md, case4_code.npz" in printed
 
 
 @pytest.mark.parametrize(
@@ -158,7 +190,10 @@ def test_a_folder_that_cannot_be_used(tmp_path, quick, files, message):
     "words,message",
     [
         (("case3", "FILE", "--engine", "granoo", "--preset", "quick"), "no column 'z'; case3 needs t, z"),
-        (("case1[orifice=small]", "FILE", "--engine", "granoo"), "has no run of it whose scene could be taken"),
+        (("case2", "ZONES", "--engine", "granoo"), "has no run of it whose scene could be taken"),
+        (("case2", "ZONES", "--engine", "granoo", "--initial", "FOLDER"), "no file of the drum there"),
+        (("case2", "FILE", "--engine", "granoo"), "no column 'z1_m2'; case2 needs t, z1_m2"),
+        (("case1", "FILE", "--engine", "peclet", "--preset", "quick"), "'peclet' is an engine of this package"),
         (("case1", "MORE", "--engine", "granoo", "--preset", "quick"), "the scene has 24000: this is another case"),
         (("case1", "FILE", "--engine", "a b", "--preset", "quick"), "'a b' is no name of a program"),
         (("case9", "FILE", "--engine", "granoo"), "no case is called 'case9'"),
@@ -172,6 +207,7 @@ def test_what_is_refused_leaves_nothing_behind(tmp_path, words, message):
     folder = tmp_path / "data"
     folder.mkdir()
     places = {"FILE": written(folder, "case1"), "MORE": folder / "more.npz", "FOLDER": folder}
+    places["ZONES"] = written(folder, "case2", name="zones.npz")
     np.savez(places["MORE"], t=[0.0, 1.0, 2.0], count=[23000, 10000, 0])
     given = [str(places.get(word, word)) for word in words]
     done = CliRunner().invoke(app, ["import", *given, "--out", str(tmp_path / "runs")])

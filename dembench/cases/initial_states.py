@@ -12,13 +12,17 @@ from dembench.cases.base import CaseError, Preset
 from dembench.initial.beds import shipped
 from dembench.initial.filling import Filling, PackingError, filled
 from dembench.initial.progress import Progress
-from dembench.initial.published import FILES, Coordinates, find_file
+from dembench.initial.published import FILES, Coordinates, NoSuchFile, find_file
 from dembench.initial.published_walls import read_walls
 from dembench.initial.rows import CoordinatesError
 
 FACETS = 1e-4
 """Distance by which a fill for published triangles stays inside the round walls, into which facets reach by up to 8e-5
 m: grains against the wall would start 3 % of their radius deep in them [m]."""
+
+
+class NoInitialState(CaseError):
+    """A given directory without the initial state of the case."""
 
 
 def bed(
@@ -57,16 +61,19 @@ def given_file(initial: Path | None, name: str, optional: bool = False) -> Path 
         optional: A directory that is given for the sake of another file, too, may lack this one, which gives None.
 
     Raises:
-        CaseError: What is given does not exist, lacks the file or has several such files.
+        NoInitialState: The directory that is given lacks the file.
+        CaseError: What is given does not exist or has several such files.
     """
     if initial is None:
         return None
     try:
         return find_file(initial, name)
-    except CoordinatesError as error:
-        if optional and initial.is_dir():
+    except NoSuchFile as error:
+        if optional:
             return None
-        raise CaseError(f"{error}; without --initial the initial state is generated and kept in the cache") from None
+        raise NoInitialState(f"{error}; `dembench run` without --initial generates the initial state") from None
+    except CoordinatesError as error:
+        raise CaseError(str(error)) from None
 
 
 def given_coordinates(read: Callable[[], Coordinates]) -> Coordinates:

@@ -9,7 +9,7 @@ import typer
 
 from dembench import console
 from dembench.cli.options import DivisionName, Initial, Json, Out, print_json, usage_errors
-from dembench.imports import UNKNOWN_LAW, Origin, import_file, import_folder
+from dembench.imports import LIKE, UNKNOWN_LAW, Folder, Origin, import_file, import_folder
 from dembench.initial.fetch import initial_state
 from dembench.runs.directory import RunRecord
 from dembench.runs.plan import RequestError
@@ -31,30 +31,32 @@ def import_results(
 
     Columns: t and count for case1; t, z1_m1, z1_m2, z2_m1, z2_m2 for case2; t and z (displacement) for case3. A folder
     has files called case1_large_M1_NAME, case2_NAME, case3_25k_NAME, and may have wall times in timings.json.
-    Exit code 0: all are imported; 1: some are not; 2: a usage error.
+    Its other files are left out and named. Exit code 0: all results are imported; 1: some are not; 2: a usage error.
     """
-    refused: list[str] = []
     with usage_errors(), console.bar(json_) as progress:
         origin = Origin(preset, division or "closed", seed, initial_state(initial), law, out)
         path = Path(what[-1])
         if len(what) == 1 and path.is_dir():
             if engine is not None or wall is not None:
                 raise RequestError("--engine and --wall are for a file; those of a folder come from its files")
-            runs, refused = import_folder(path, origin, progress)
+            done = import_folder(path, origin, progress)
         elif len(what) == 2 and engine is not None:
-            runs = [import_file(what[0], path, engine, origin, wall, progress)]
+            done = Folder((import_file(what[0], path, engine, origin, wall, progress),), (), ())
         else:
             raise RequestError("give CASE FILE --engine NAME, or a FOLDER")
     if json_:
-        print_json({"runs": [_plain(run) for run in runs], "refused": refused})
+        runs = [_plain(run) for run in done.runs]
+        print_json({"runs": runs, "refused": list(done.refused), "left_out": list(done.left_out)})
     else:
-        for run in runs:
+        for run in done.runs:
             console.line(f"{run.directory}: {run.status.label()}")
             for note in _notes(run):
                 console.line(f"  {note}")
-        for line in refused:
+        for line in done.refused:
             console.error(line)
-    raise typer.Exit(1 if refused else 0)
+        if done.left_out:
+            console.line(f"left out, as they are not called like {LIKE}: {', '.join(done.left_out)}")
+    raise typer.Exit(1 if done.refused else 0)
 
 
 def _plain(run: RunRecord) -> dict[str, Any]:

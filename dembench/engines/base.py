@@ -246,6 +246,7 @@ class Engine(ABC):
         dashed: Whether its lines are dashed.
         settings_type: Its EngineSettings.
         cores_setting: Setting that says among how many cores a step is shared; None where there is none.
+        imported: Whether results that others computed with the same program can be imported under its name.
     """
 
     name: ClassVar[str]
@@ -254,6 +255,7 @@ class Engine(ABC):
     dashed: ClassVar[bool] = False
     settings_type: ClassVar[type[EngineSettings]]
     cores_setting: ClassVar[str | None] = None
+    imported: ClassVar[bool] = True
 
     @abstractmethod
     def probe(self) -> Probe:

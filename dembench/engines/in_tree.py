@@ -35,6 +35,7 @@ class InTree(Engine):
     """An engine whose simulations are `dembench.solver.Simulation`, stepped in a child process."""
 
     cores_setting: ClassVar[str | None] = "threads"
+    imported: ClassVar[bool] = False
 
     @abstractmethod
     def simulation(self, scene: Scene, settings: dict[str, Any]) -> Any:

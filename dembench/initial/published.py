@@ -38,6 +38,10 @@ FILES = {
 """Endings of the paths, in lower case, by which the files are known, in the data record and where it was copied to."""
 
 
+class NoSuchFile(CoordinatesError):
+    """A directory without a file that it was searched for."""
+
+
 @dataclass(frozen=True)
 class Coordinates:
     """Particles of a coordinate file.
@@ -61,7 +65,8 @@ def find_file(given: Path, name: str) -> Path:
         name: One of `FILES`.
 
     Raises:
-        CoordinatesError: There is none, or more than one.
+        NoSuchFile: The directory has none.
+        CoordinatesError: There is no such file or directory, or it has more than one.
     """
     if given.is_file():
         return given
@@ -69,7 +74,7 @@ def find_file(given: Path, name: str) -> Path:
         raise CoordinatesError(f"{given}: no such file or directory; give the file of the {name} or its directory")
     found = [path for path in sorted(given.rglob("*.txt")) if path.is_file() and name in names_of(path.resolve())]
     if not found:
-        raise CoordinatesError(f"{given}: no file of the {name} there; accepted are {', '.join(FILES[name])}")
+        raise NoSuchFile(f"{given}: no file of the {name} there; accepted are {', '.join(FILES[name])}")
     if len(found) > 1:
         names = ", ".join(str(path.relative_to(given)) for path in found)
         raise CoordinatesError(f"{given}: {names} can all be the {name}; give one of them")

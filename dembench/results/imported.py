@@ -59,33 +59,56 @@ def imported(scene: Scene, case: str, file: Foreign) -> Imported:
         ForeignError: Columns are missing, have another unit, another length or values that cannot be those of the case.
     """
     notes: list[str] = []
-    time = _column(file, case, TIMES, "s", scene)
     found: dict[str, Observed] = {}
+    for o, channel, read in _series(scene, case, file, notes):
+        fallen = _falling(file, scene, o, *read, notes) if isinstance(o, Trajectory) else read
+        rows = _started(file, scene, o, channel, *fallen, notes)
+        found[channel.name] = _sampled(channel, *rows, o.interval, notes)
+        if isinstance(o, Trajectory) and np.diff(rows[0]).max() <= FINE * o.interval * (1 + SAME):
+            lowest = channels(scene)[f"{o.name}_minimum"]
+            found[lowest.name] = _lowest(lowest, *rows, o.interval)
+    return Imported(found, tuple(dict.fromkeys(notes)))
+
+
+def check_columns(scene: Scene, case: str, file: Foreign) -> None:
+    """Checks all that does not depend on where the bodies of a scene start: columns, units, lengths, times, counts.
+
+    Raises:
+        ForeignError: See `imported`.
+    """
+    _series(scene, case, file, [])
+
+
+# ---- columns
+
+Rows = tuple[np.ndarray, np.ndarray]
+"""Times [s], shape (t,), and values, shape (t, c)."""
+
+
+def _series(scene: Scene, case: str, file: Foreign, notes: list[str]) -> list[tuple[Any, Channel, Rows]]:
+    """The observables of a scene that files hold, with their channels and the rows of the file."""
+    found = []
     for o in scene.observables:
         if not isinstance(o, Count | ZoneCount | Trajectory):
             continue
-        name = f"{o.name}_displacement" if isinstance(o, Trajectory) else o.name
-        channel = channels(scene)[name]
+        channel = channels(scene)[_channel(o)]
+        time = _column(file, case, TIMES, "s", scene)
         values = np.stack([_column(file, case, names, channel.unit, scene) for names in _names(o, channel)], axis=1)
         if len(values) != len(time):
             raise ForeignError(f"{file.path}: {len(time)} times and {len(values)} values; accepted are as many")
         rows = _ascending(file, time, values, notes)
         _check_times(file, rows[0], scene)
-        if isinstance(o, Trajectory):
-            rows = _falling(file, scene, o, *rows, notes)
-        else:
+        if not isinstance(o, Trajectory):
             rows = _counted(file, *rows, len(scene.bodies), notes)
-        rows = _started(file, scene, o, name, channel, *rows, notes)
-        found[name] = _sampled(channel, *rows, o.interval, notes)
-        if isinstance(o, Trajectory) and np.diff(rows[0]).max() <= FINE * o.interval * (1 + SAME):
-            lowest = channels(scene)[f"{o.name}_minimum"]
-            found[lowest.name] = _lowest(lowest, *rows, o.interval)
+        found.append((o, channel, rows))
     if not found:
         raise ForeignError(f"{case}: its scene records no series that a file could hold")
-    return Imported(found, tuple(dict.fromkeys(notes)))
+    return found
 
 
-# ---- columns
+def _channel(o: Any) -> str:
+    """Name of the series of an observable that a file holds."""
+    return f"{o.name}_displacement" if isinstance(o, Trajectory) else str(o.name)
 
 
 def _names(o: Any, channel: Channel) -> list[tuple[str, ...]]:
@@ -103,8 +126,7 @@ def _column(file: Foreign, case: str, names: tuple[str, ...], unit: str, scene: 
         wanted = [TIMES[0]]
         for o in scene.observables:
             if isinstance(o, Count | ZoneCount | Trajectory):
-                key = f"{o.name}_displacement" if isinstance(o, Trajectory) else o.name
-                wanted += [accepted[0] for accepted in _names(o, channels(scene)[key])]
+                wanted += [accepted[0] for accepted in _names(o, channels(scene)[_channel(o)])]
         raise ForeignError(
             f"{file.path}: no column '{names[0]}'; {case} needs {', '.join(wanted)}, "
             f"the file has {', '.join(file.columns) or 'none'}"
@@ -119,9 +141,6 @@ def _column(file: Foreign, case: str, names: tuple[str, ...], unit: str, scene: 
 
 
 # ---- what may be wrong with a file
-
-Rows = tuple[np.ndarray, np.ndarray]
-"""Times [s], shape (t,), and values, shape (t, c)."""
 
 
 def _ascending(file: Foreign, time: np.ndarray, values: np.ndarray, notes: list[str]) -> Rows:
@@ -230,14 +249,13 @@ def _started(
     file: Foreign,
     scene: Scene,
     o: Any,
-    name: str,
     channel: Channel,
     time: np.ndarray,
     values: np.ndarray,
     notes: list[str],
 ) -> Rows:
     """The rows with that of t = 0, which the initial state gives where the file has none."""
-    first = np.atleast_1d(_initial(scene, o, name))
+    first = np.atleast_1d(_initial(scene, o, channel.name))
     if time[0] > SAME * o.interval:
         notes.append("the row at t = 0 is that of the scene's initial state; the file has none")
         return np.concatenate([[0.0], time]), np.vstack([first, values])

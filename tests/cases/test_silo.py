@@ -228,7 +228,7 @@ def test_what_does_not_fit_is_refused(unsettled, tmp_path, monkeypatch):
     with pytest.raises(CaseError, match="no file of the large silo walls"):
         scene_of("case1[walls=mesh]", "quick", initial=tmp_path)
     with pytest.raises(
-        CaseError, match=r"no file of the silo large M1 there.*without --initial the initial state is generated"
+        CaseError, match=r"no file of the silo large M1 there.*without --initial generates the initial state"
     ):
         scene_of("case1", "published", initial=tmp_path)
     (tmp_path / "PartCoordinates M1 (large orifice).txt").write_text("0 0 0.1\n0 0 0.11\n")
