@@ -171,6 +171,17 @@ def test_a_folder(tmp_path, quick):
     assert "not called like case1_large_M1_NAME, case2_NAME or case3_25k_NAME: README.md, case4_code.npz" in printed
 
 
+def test_imports_are_compared_like_runs(tmp_path, quick):
+    """Two files of the same problem by two programs: the rates, 8000 grains a second, are those of both."""
+    path = written(tmp_path, "case1")
+    sets = [import_file("case1", path, name, Origin(preset="quick", out=tmp_path / name)) for name in ("one", "other")]
+    done = CliRunner().invoke(app, ["compare", *(str(run.directory.parent) for run in sets), "--json"])
+    found = {c["name"]: c for c in json.loads(done.stdout)["comparisons"]}
+    assert found["discharge_rate"]["a"] == pytest.approx(8000, rel=1e-3)
+    assert found["discharge_rate"]["engine"] == "one (imported) | other (imported)"
+    assert {c["verdict"] for c in found.values()} == {"indistinguishable"} and done.exit_code == 0
+
+
 @pytest.mark.parametrize(
     "files,message",
     [

@@ -74,7 +74,7 @@ def gather(paths: Sequence[Path]) -> Gathered:
             identity = _identity(record)
             if identity not in records or records[identity].status.started <= record.status.started:
                 records[identity] = record
-    latest = sorted((r for r in records.values() if not r.spec.imported), key=lambda r: r.name)
+    latest = sorted(records.values(), key=lambda r: r.name)
     metrics += _of_suites(latest) + quantities(latest) + speeds(latest)
     machines += [_machine(record) for record in latest]
     versions = {name: text for found, _ in machines for name, text in sorted(found.items())}
