@@ -344,6 +344,9 @@ class Engine(ABC):
             made = self.settings_type(**{**self.defaults(scene, division), **(overrides or {})})
         except ValidationError as error:
             fault = error.errors()[0]
+            text = fault["msg"].removeprefix("Value error, ")
+            if not fault["loc"]:  # settings that contradict each other: the message names them
+                raise SettingsError(f"{self.name}: {text}") from None
             where = ".".join(str(part) for part in fault["loc"])
-            raise SettingsError(f"{self.name}[{where}]: {fault['msg']} (given: {fault.get('input')!r})") from None
+            raise SettingsError(f"{self.name}[{where}]: {text} (given: {fault.get('input')!r})") from None
         return made.model_copy(update={"dt": scene.fitted_step(made.dt)})

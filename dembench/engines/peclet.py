@@ -33,7 +33,8 @@ class PecletSettings(EngineSettings):
         velocity_sweeps: Sweeps over compliant rows in a substep, by default 1; largest number of sweeps over rigid rows
             in a step, by default 8.
         position_sweeps: Largest number of position sweeps in a step with rigid rows, by default 12.
-        stabilization: Rigid rows carry on after the sweeps where matter is at rest, until its weight is carried.
+        stabilization: Rigid rows carry on after the sweeps where matter is at rest, until its weight is carried;
+            compliant rows have none to leave out.
         arithmetic: Precision of impulses; positions and velocities are float64 always.
         force: Features that the scene lacks and that are computed all the same, as friction+rotation.
     """
@@ -58,6 +59,12 @@ class PecletSettings(EngineSettings):
             if int(values.get("threads") or 1) != 1:
                 raise ValueError("threads: rigid rows have one")
         return {**usual, **values}
+
+    @model_validator(mode="after")
+    def _stabilized(self) -> PecletSettings:
+        if self.rows == "compliant" and not self.stabilization:
+            raise ValueError("stabilization: compliant rows have none to leave out; write rows=rigid,stabilization=off")
+        return self
 
     def cores(self) -> int:
         """See `EngineSettings.cores`."""

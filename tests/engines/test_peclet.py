@@ -68,6 +68,14 @@ def test_stiff_grains_take_longer() -> None:
     assert times[1] == pytest.approx(10**0.4 * times[0], rel=1e-6)
 
 
+def test_only_rigid_rows_can_do_without_the_stabilization() -> None:
+    """Compliant rows would compute the same with and without it, under another name."""
+    peclet = engine("peclet")
+    assert not peclet.settings(SOFT, "closed", {"rows": "rigid", "stabilization": "off"}).stabilization
+    with pytest.raises(SettingsError, match=r"compliant rows have none.*rows=rigid,stabilization=off"):
+        peclet.settings(SOFT, "closed", {"stabilization": "off"})
+
+
 @pytest.mark.parametrize(
     "given", [{"rows": "rigid", "substeps": "8"}, {"substeps": "0"}, {"rows": "soft"}, {"velocity_sweeps": "0"}]
 )
