@@ -128,7 +128,7 @@ class Silo(Case):
         coordinates = given_coordinates(lambda: read_centres(path, numbers["grain_radius"]))
         if len(coordinates.position) != numbers["grains"]:
             raise CaseError(f"{path}: {len(coordinates.position)} grains; {self.name} has {numbers['grains']}")
-        return coordinates.position, "published"
+        return coordinates.position, "given"  # no digest of the published fills is known
 
     def filling(self, parameters: SiloParameters, preset: Preset) -> Filling:
         """How the silo is filled: on an outlet that is closed at the lip, with the published contacts.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +11,29 @@ from dembench.initial.rows import CoordinatesError, numbers, text_lines
 
 HEADER = [f"vertex{k}_{axis}[m]" for k in (1, 2, 3) for axis in "XYZ"]
 ACCEPTED = "a row has the nine numbers of three vertices"
-EXTENTS = {
-    "large silo walls": ((-0.101951, -0.101988, -0.0554222), (0.102, 0.101988, 0.314578)),
-    "small silo walls": ((-0.101951, -0.101988, -0.0593008), (0.102, 0.101988, 0.320699)),
-    "drum walls": ((-0.101951, -0.032, -0.101988), (0.102, 0.032, 0.101988)),
-    "impact walls": ((-0.051, -0.032, -0.0922431), (0.051, 0.032, 0.107757)),
+
+
+@dataclass(frozen=True)
+class Published:
+    """What a published mesh is known by.
+
+    Attributes:
+        lower, upper: Corners of the volume that it fills [m].
+        triangles: Number of its triangles.
+    """
+
+    lower: tuple[float, float, float]
+    upper: tuple[float, float, float]
+    triangles: int
+
+
+MESHES = {
+    "large silo walls": Published((-0.101951, -0.101988, -0.0554222), (0.102, 0.101988, 0.314578), 7632),
+    "small silo walls": Published((-0.101951, -0.101988, -0.0593008), (0.102, 0.101988, 0.320699), 8636),
+    "drum walls": Published((-0.101951, -0.032, -0.101988), (0.102, 0.032, 0.101988), 1200),
+    "impact walls": Published((-0.051, -0.032, -0.0922431), (0.051, 0.032, 0.107757), 56),
 }
-"""Lower and upper corner of the volume [m] that each mesh fills."""
+"""The meshes by name. All are closed surfaces whose triangles share vertices to the last digit."""
 EXTENT_TOLERANCE = 1e-3
 """Accepted distance of a corner [m]: less than between any two of the meshes, more than coarser facets make."""
 FLATNESS = 1e-9
@@ -28,13 +45,14 @@ def read_walls(path: Path, name: str | None = None) -> np.ndarray:
 
     Args:
         path: The file.
-        name: The published mesh that it must be, one of `EXTENTS`, known by the volume that it fills; None accepts any.
+        name: The published mesh that it must be, one of `MESHES`, whole and undamaged; None accepts any.
 
     Returns:
         Vertices of the triangles [m], shape (n, 3, 3), in the order of the file.
 
     Raises:
-        CoordinatesError: The file cannot be read, has a bad row, a triangle without area, or is another mesh.
+        CoordinatesError: The file cannot be read, has a bad row, a triangle without area, or is another mesh or only
+            a part of it.
     """
     lines = text_lines(path)
     if not lines or lines[0].split() != HEADER:
@@ -55,17 +73,39 @@ def read_walls(path: Path, name: str | None = None) -> np.ndarray:
         )
     if name is not None:
         _check_extent(path, triangles, name)
+        if len(triangles) != MESHES[name].triangles:
+            raise CoordinatesError(f"{path}: {len(triangles)} triangles; the {name} have {MESHES[name].triangles}")
+        _check_closed(path, triangles)
     return triangles
 
 
 def _check_extent(path: Path, triangles: np.ndarray, name: str) -> None:
     found = np.array([triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))])
-    fitting = [known for known, extent in EXTENTS.items() if np.allclose(found, extent, rtol=0, atol=EXTENT_TOLERANCE)]
+    fitting = [
+        known
+        for known, mesh in MESHES.items()
+        if np.allclose(found, (mesh.lower, mesh.upper), rtol=0, atol=EXTENT_TOLERANCE)
+    ]
     if name in fitting:
         return
     like = f", as the {fitting[0]} do" if fitting else ""
-    (x0, y0, z0), (x1, y1, z1) = EXTENTS[name]
+    (x0, y0, z0), (x1, y1, z1) = MESHES[name].lower, MESHES[name].upper
     raise CoordinatesError(
         f"{path}: reaches from {tuple(found[0].tolist())} to {tuple(found[1].tolist())} m{like}; "
         f"the {name} reach from ({x0:g}, {y0:g}, {z0:g}) to ({x1:g}, {y1:g}, {z1:g}) m"
     )
+
+
+def _check_closed(path: Path, triangles: np.ndarray) -> None:
+    """Every edge is that of one other triangle, which goes along it the other way: a wrong digit opens the surface."""
+    _, vertex = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    first = vertex.reshape(-1, 3)
+    edges = np.stack([first, np.roll(first, -1, axis=1)], axis=2).reshape(-1, 2)
+    known, count = np.unique(edges, axis=0, return_counts=True)
+    closed = {(a, b) for (a, b), n in zip(known.tolist(), count.tolist(), strict=True) if n == 1}
+    for k, (a, b) in enumerate(edges.tolist()):
+        if (a, b) not in closed or (b, a) not in closed:
+            raise CoordinatesError(
+                f"{path}:{k // 3 + 2}: the surface is open at an edge of this triangle; accepted is a closed surface, "
+                "whose triangles share their vertices to the last digit"
+            )

@@ -86,6 +86,15 @@ def test_exact_walls_lie_in_the_published_triangles(unsettled, orifice):
     assert away[inner & (vertices[:, 2] > exact[1].start[2] + 0.001)].min() < 1e-6
 
 
+def test_a_given_fill_is_not_called_published(tmp_path):
+    """Nothing tells the published fill from another one with as many grains."""
+    fill = column(100_000, 0.002, -0.0554222)
+    np.savetxt(tmp_path / "PartCoordinates M1 (large orifice).txt", fill, fmt="%.6f")
+    scene = scene_of("case1", "published", initial=tmp_path)
+    assert scene.name == "case1_large_M1_given"
+    np.testing.assert_allclose(scene.bodies.position, fill, rtol=0, atol=5.1e-7)
+
+
 def against_the_walls(name, plan, progress, seed=0):
     """Rings of grains that touch barrel and cone and not one another, shape (n, 3)."""
     barrel, cone, _ = plan.walls

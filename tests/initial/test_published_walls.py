@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dembench.initial.published import find_file
-from dembench.initial.published_walls import EXTENTS, HEADER, read_walls
+from dembench.initial.published_walls import HEADER, MESHES, read_walls
 from dembench.initial.rows import CoordinatesError
 
 PUBLISHED = Path(__file__).parents[3] / "shared" / "data" / "dosta2024"
@@ -68,10 +68,41 @@ def test_a_mesh_of_none_of_the_cases(tmp_path):
 def test_the_published_meshes(name):
     path = find_file(PUBLISHED, name)
     assert read_walls(path, name).shape == (COUNTS[name], 3, 3)
-    for other in EXTENTS:
+    for other in MESHES:
         if other != name:
             with pytest.raises(CoordinatesError, match=f"as the {name} do; the {other} reach"):
                 read_walls(path, other)
+
+
+def _without_the_middle(lines):
+    return [*lines[:500], *lines[701:]]
+
+
+def _with_a_cut_number(lines):
+    return [*lines[:-1], lines[-1][:-3]]
+
+
+def _with_a_turned_triangle(lines):
+    fields = lines[600].split()
+    return [*lines[:600], " ".join(fields[3:6] + fields[:3] + fields[6:]), *lines[601:]]
+
+
+@published
+@pytest.mark.parametrize(
+    "damage,message",
+    [
+        (_without_the_middle, "999 triangles; the drum walls have 1200"),
+        (_with_a_cut_number, "open at an edge of this triangle; accepted is a closed surface"),
+        (_with_a_turned_triangle, "open at an edge of this triangle"),
+    ],
+)
+def test_damage_inside_the_volume(tmp_path, damage, message):
+    """The volume is that of the published drum all the same: its triangles are counted and fit together."""
+    lines = find_file(PUBLISHED, "drum walls").read_text().splitlines()
+    assert lines[-1].endswith("-0.101988")
+    path = written(tmp_path, damage(lines[1:]))
+    with pytest.raises(CoordinatesError, match=message):
+        read_walls(path, "drum walls")
 
 
 @published
