@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dembench import recipes
-from dembench.cases import drum_scores, impact_scores, silo_scores
+from dembench.cases import drum_scores, impact_scores, publication, silo_scores
 from dembench.cases import registry as cases_registry
 from dembench.cases.registry import parse_case
 from dembench.cli import app
@@ -38,6 +39,14 @@ engines = ["standin-coarse"]
 division = "open"
 reference = true
 """
+
+
+def test_the_text_about_velocities_names_the_times_that_are_shown() -> None:
+    recipe = recipes.load(recipes.asked_for(["dosta2024-fig-silo-velocities"]))
+    silo = publication.published("silo")
+    assert not re.search(r"\d s\b", recipe.title)
+    named = re.findall(r"after\s+(\d+) s", recipe.text)
+    assert [float(time) for time in named] == [silo[preset]["snapshot"] for preset in ("published", "quick")]
 
 
 def _block(**fields) -> recipes.Block:
