@@ -19,6 +19,7 @@ from dembench.cases.initial_states import (
     positions_digest,
 )
 from dembench.cases.publication import SOURCE, ContactParameters, contacts, moved, published, softened
+from dembench.cases.published_results import PublishedResult
 from dembench.cases.views import CaseFigure, Picture
 from dembench.initial.filling import SOFT, TALL, Filling, Layer
 from dembench.initial.progress import Progress
@@ -173,6 +174,10 @@ class Drum(Case):
     def pictures(self, scene: Scene) -> list[Picture]:
         """See `Case.pictures`."""
         return drum_views.pictures(scene)
+
+    def published_results(self, parameters: DrumParameters, preset: Preset) -> list[PublishedResult]:
+        """See `Case.published_results`; none where the contacts are not the published ones."""
+        return [] if preset == "quick" or parameters.changed() else drum_views.published_results()
 
 
 def _species(preset: Preset) -> tuple[Species, ...]:

@@ -127,10 +127,10 @@ def curves(scene: Scene, parameters: Any, preset: Preset) -> list[Curve]:
     """The recorded extrema of other codes, where the contacts are the published ones."""
     if preset == "quick" or parameters.changed():
         return []
-    return [_extrema(entry) for entry in published("drum")["extrema"]]
+    return [_extrema(entry) for entry in published("drum")["runs"]]
 
 
 def _extrema(entry: Mapping[str, Any]) -> Curve:
-    points = np.array(entry["time"]), np.array(entry["value"])
+    points = np.array(entry["time"]), np.array(entry["extrema"])
     source = f"{entry['source']}; doi {published('drum')['doi']}"
     return Curve("zones", f"{entry['code']}, extrema", *points, None, None, source, component=COUNTED, points=True)

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from dembench.cases import drum_bed
+from dembench.cases import drum_bed, drum_scores
+from dembench.cases.publication import published
+from dembench.cases.published_results import PublishedResult, recorded
 from dembench.cases.views import CaseFigure, Picture, Trace, View
 from dembench.scene import Scene, Snapshot
 
@@ -14,6 +16,18 @@ SNAPSHOT = "mixing"
 INSTANTS = 5
 ZONES = {"zone2": "Zone 2 (x < 0, z < 0)", "zone1": "Zone 1 (x > 0, z > 0)"}
 SPECIES = ("M1", "M2")
+EXTREMA = ("first_trough", "first_peak", "second_trough", "second_peak", "third_trough", "third_peak")
+"""What the extrema on record of others are, in the order of time."""
+RECORDED = {
+    "sampled_peak": ("Largest sample of M1 in zone 2 at the first peak", "1"),
+    "second_trough": ("Second trough of M1 in zone 2", "1"),
+    "third_trough": ("Third trough of M1 in zone 2", "1"),
+    **{f"{nth}_trough_time": (f"Time of the {nth} trough", "s") for nth in ("first", "second", "third")},
+    "start_m1": ("M1 in zone 2 at the start", "1"),
+    "start_m2": ("M2 in zone 2 at the start", "1"),
+    "end": ("M1 in zone 2 after 5 s", "1"),
+}
+"""Title and unit of what is on record of others beside the quantities of the case."""
 
 
 def figures(scene: Scene) -> list[CaseFigure]:
@@ -74,6 +88,19 @@ def pictures(scene: Scene) -> list[Picture]:
             colour="species",
         )
     ]
+
+
+def published_results() -> list[PublishedResult]:
+    """Extrema, periods, decays and slip at the wall that are on record of single codes."""
+    entries = [
+        {
+            **entry,
+            **dict(zip(EXTREMA, entry["extrema"], strict=True)),
+            **{f"{name}_time": time for name, time in zip(EXTREMA, entry["time"], strict=True)},
+        }
+        for entry in published("drum")["runs"]
+    ]
+    return recorded(entries, {**drum_scores.QUANTITIES, **RECORDED})
 
 
 def _zone(component: str) -> Any:

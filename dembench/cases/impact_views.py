@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dembench.cases import impact_scores
 from dembench.cases.publication import published
-from dembench.cases.published_results import PublishedResult
+from dembench.cases.published_results import PublishedResult, recorded
 from dembench.cases.views import Picture
 from dembench.scene import Box, Scene, Snapshot
 
@@ -11,6 +12,8 @@ SNAPSHOT = "deepest"
 SPRAY = 0.03
 """Height above the resting bed that is seen [m]."""
 WALL = 0.002
+RECORDED = {"time_of_deepest": ("Time of the deepest point", "s")}
+"""Title and unit of what is on record of others beside the quantities of the case."""
 
 
 def pictures(scene: Scene) -> list[Picture]:
@@ -38,12 +41,17 @@ def pictures(scene: Scene) -> list[Picture]:
 
 
 def published_results(bed: str) -> list[PublishedResult]:
-    """Deepest points of eight codes over ten initial conditions; known of the smallest bed alone."""
-    if bed != "25k":
-        return []
-    source = f"mean over ten initial conditions (nine for LIGGGHTS); doi {published('common')['doi']}"
-    title = "Deepest point of the ball, 1 ms samples"
-    return [
-        PublishedResult(entry["code"], title, entry["mean"], entry["deviation"], "m", source)
-        for entry in published("impact")["deepest_25k"]
+    """Deepest points, end points and gaps to the floor that are on record of single codes."""
+    numbers = published("impact")
+    conditions = f"mean over ten initial conditions (nine for LIGGGHTS); doi {numbers['doi']}"
+    ensembles = [
+        {
+            "code": entry["code"],
+            "deepest": {"mean": entry["mean"], "deviation": entry["deviation"]},
+            "time_of_deepest": entry["time"],
+            "source": conditions,
+        }
+        for entry in (numbers["deepest_25k"] if bed == "25k" else ())
     ]
+    runs = [entry for entry in numbers["runs"] if entry["bed"] == bed]
+    return recorded([*ensembles, *runs], {**impact_scores.QUANTITIES, **RECORDED})

@@ -8,7 +8,7 @@ import numpy as np
 
 from dembench.cases import silo_scores
 from dembench.cases.publication import published
-from dembench.cases.published_results import PublishedResult
+from dembench.cases.published_results import PublishedResult, recorded
 from dembench.cases.views import CaseFigure, Picture, Trace, View
 from dembench.scene import Count, Scene, Snapshot, WallForce
 
@@ -23,6 +23,14 @@ LAYER = 4.0
 RINGS = 16
 ABOVE_CONE = 0.05
 """Height above the cone of the upper layer [m]."""
+
+RECORDED = {
+    "ratio": ("Discharge rate over that of the small orifice", "1"),
+    "slowing": ("Loss of rate from the first to the third second of the window", "1"),
+    "time_500": ("Time until 500 grains are left", "s"),
+    "time_empty": ("Time until the silo is empty", "s"),
+}
+"""Title and unit of what is on record of others beside the quantities of the case."""
 
 
 def figures(scene: Scene) -> list[CaseFigure]:
@@ -109,16 +117,9 @@ def pictures(scene: Scene) -> list[Picture]:
 
 
 def published_results(orifice: str, material: str) -> list[PublishedResult]:
-    """Discharge rates of single codes, and when they left 2 000 grains."""
-    found = []
-    for entry in published("silo")["rates"]:
-        if (entry["orifice"], entry["material"]) == (orifice, material):
-            made = (entry["code"], "Discharge rate, 0.5 to 3.5 s", entry["rate"], None, "1/s", entry["source"])
-            found.append(PublishedResult(*made))
-            if "time_2000" in entry:
-                title = "Time until 2 000 grains are left"
-                found.append(PublishedResult(entry["code"], title, entry["time_2000"], None, "s", entry["source"]))
-    return found
+    """Rates, times and numbers of grains left that are on record of single codes."""
+    entries = [e for e in published("silo")["runs"] if (e["orifice"], e["material"]) == (orifice, material)]
+    return recorded(entries, {**silo_scores.QUANTITIES, **RECORDED})
 
 
 def _time(scene: Scene) -> float | None:

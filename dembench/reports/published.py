@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dembench.cases.run_times import RunTime
 from dembench.reports.entries import Group
-from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers
+from dembench.reports.tables import Cell, Column, Table, decimals, grouped
 from dembench.reports.units import shown_in
 
 MARKS = {
@@ -24,11 +24,13 @@ def published_results(group: Group) -> Table | None:
     for quantity in dict.fromkeys(r.quantity for r in found):
         own = [r for r in found if r.quantity == quantity]
         factor, unit = shown_in(own[0].unit, [r.value for r in own])
-        values = numbers([factor * r.value for r in own], digits=5, most=2)
-        deviations = numbers([None if r.deviation is None else factor * r.deviation for r in own], digits=2)
-        for k, r in enumerate(own):
+        for r in own:
             source = Cell(f"[{sources.index(r.source) + 1}]")
-            rows.append((Cell(r.code), Cell(quantity), Cell(unit), values[k], deviations[k], source))
+            value = _as_published(factor * r.value)
+            if r.high is not None:
+                value = Cell(f"{value.text} to {_as_published(factor * r.high).text}", value.value)
+            deviation = Cell() if r.deviation is None else _as_published(factor * r.deviation)
+            rows.append((Cell(r.code), Cell(quantity), Cell(unit), value, deviation, source))
     columns = (
         Column("Code", kind="long"),
         Column("Quantity", kind="wrap"),
@@ -41,6 +43,12 @@ def published_results(group: Group) -> Table | None:
     return Table(
         f"{group.name}-published", "Published results of other codes", columns, tuple(rows), footnotes=footnotes
     )
+
+
+def _as_published(value: float) -> Cell:
+    """A number with the decimals that were published."""
+    _, _, decimal = f"{value:.10g}".partition(".")
+    return Cell(grouped(value, len(decimal)), float(f"{value:.10g}"))
 
 
 def published_times(group: Group) -> Table | None:

@@ -131,7 +131,7 @@ def test_published_extrema_are_marked_points(tmp_path: Path) -> None:
         add_bulk_run(tmp_path, scene, "alpha", (observables, {}), "case2", preset="published")
         page = read(render(find_runs(tmp_path), tmp_path / "drum.html"))
     first, *others = page.figures["scene1-zones"].data["panels"]
-    assert [len(k["x"]) for k in first["known"]] == [5] * 4 and not any(p["known"] for p in others)
+    assert [len(k["x"]) for k in first["known"]] == [6] * 4 and not any(p["known"] for p in others)
     peak = next(k for k in first["known"] if k["label"].startswith("LIGGGHTS"))
     assert (peak["x"][1], peak["y"][1]) == (0.637, 23.25)
     assert "softened" not in "".join(page.text)
