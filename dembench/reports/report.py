@@ -98,10 +98,10 @@ def _section(group: Group, beside: Path) -> SceneSection:
         comparisons.quantities(group),
         ensembles(group),
         single_runs(group),
-        published_results(group),
         comparisons.differences(group),
         measured_law(group),
         timings(group),
+        published_results(group),
         published_times(group),
     )
     return SceneSection(

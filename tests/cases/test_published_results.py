@@ -16,7 +16,7 @@ from dembench.cases.registry import parse_case
         ("case1[orifice=small,material=M2]", "published", 1),
         ("case1[wall_friction=0.4]", "published", 0),
         ("case1", "quick", 0),
-        ("case2", "published", 77),
+        ("case2", "published", 61),
         ("case2", "quick", 0),
         ("case2[pairs=global]", "published", 0),
         ("case3", "published", 37),
