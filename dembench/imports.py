@@ -227,7 +227,8 @@ def _posed(case: str, origin: Origin, file: Foreign, progress: Progress) -> Pose
                 return Posed(record.spec.case, record.result.scene)
     scene, lattice, missing = _at_hand(known, parameters, origin)
     check_columns(scene, case, file)
-    notes = [] if missing is None else [f"{origin.initial} has no initial state of this problem"]
+    own = "" if lattice else ": the scene's is a fill of our own"
+    notes = [] if missing is None else [f"{origin.initial} has no initial state of this problem{own}"]
     if not any(isinstance(o, ZoneCount | Trajectory) for o in scene.observables):
         if lattice:
             scene = scene.model_copy(update={"name": f"{scene.name}_unsettled"})
