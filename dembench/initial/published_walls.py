@@ -103,9 +103,10 @@ def _check_closed(path: Path, triangles: np.ndarray) -> None:
     edges = np.stack([first, np.roll(first, -1, axis=1)], axis=2).reshape(-1, 2)
     known, count = np.unique(edges, axis=0, return_counts=True)
     closed = {(a, b) for (a, b), n in zip(known.tolist(), count.tolist(), strict=True) if n == 1}
-    for k, (a, b) in enumerate(edges.tolist()):
-        if (a, b) not in closed or (b, a) not in closed:
-            raise CoordinatesError(
-                f"{path}:{k // 3 + 2}: the surface is open at an edge of this triangle; accepted is a closed surface, "
-                "whose triangles share their vertices to the last digit"
-            )
+    open_edges = np.array([(a, b) not in closed or (b, a) not in closed for a, b in edges.tolist()])
+    if open_edges.any():
+        worst = int(open_edges.reshape(-1, 3).sum(axis=1).argmax())  # its neighbours have one open edge each
+        raise CoordinatesError(
+            f"{path}:{worst + 2}: the surface is open at edges of this triangle; accepted is a closed surface, whose "
+            "triangles share their vertices to the last digit"
+        )

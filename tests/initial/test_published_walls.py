@@ -92,8 +92,8 @@ def _with_a_turned_triangle(lines):
     "damage,message",
     [
         (_without_the_middle, "999 triangles; the drum walls have 1200"),
-        (_with_a_cut_number, "open at an edge of this triangle; accepted is a closed surface"),
-        (_with_a_turned_triangle, "open at an edge of this triangle"),
+        (_with_a_cut_number, ":1201: the surface is open at edges of this triangle; accepted is a closed surface"),
+        (_with_a_turned_triangle, ":602: the surface is open at edges of this triangle"),
     ],
 )
 def test_damage_inside_the_volume(tmp_path, damage, message):
