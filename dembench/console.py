@@ -16,6 +16,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
+from dembench.cases.registry import problem_title
 from dembench.initial.progress import Progress, silent
 from dembench.runs.plan import PlannedRun
 from dembench.runs.scheduler import Job
@@ -84,6 +85,7 @@ def plan_rows(runs: Sequence[PlannedRun], fresh: bool) -> list[dict[str, Any]]:
             "action": run.action(fresh),
             "case": run.spec.case,
             "preset": run.spec.preset,
+            "problem": problem_title(run.spec.case, run.spec.preset),
             "engine": run.spec.label(),
             "settings": run.spec.settings,
             "division": run.spec.division,

@@ -179,6 +179,7 @@ def test_imports_are_compared_like_runs(tmp_path, quick):
     found = {c["name"]: c for c in json.loads(done.stdout)["comparisons"]}
     assert found["discharge_rate"]["a"] == pytest.approx(8000, rel=1e-3)
     assert found["discharge_rate"]["engine"] == "one (imported) | other (imported)"
+    assert found["discharge_rate"]["problem"] == "case1, quick, softened, 2 s"
     assert {c["verdict"] for c in found.values()} == {"indistinguishable"} and done.exit_code == 0
 
 

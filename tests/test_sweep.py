@@ -9,10 +9,13 @@ import pytest
 from reading import Page
 from typer.testing import CliRunner
 
+from dembench.cases.registry import parse_case
 from dembench.cli import app
+from dembench.runs.plan import SceneChoice
 from dembench.scene import HertzMindlin, LinearSpring, save_scene
-from dembench.verification.precision import problems, store
+from dembench.verification.precision import advice, problems, store
 from dembench.verification.precision.levels import measured_order
+from dembench.verification.precision.targets import Target
 
 
 def call(*words: object) -> tuple[int, str, str]:
@@ -103,6 +106,8 @@ def test_advice_says_where_it_comes_from(swept, tmp_path) -> None:
     factor = float(row["setting"].removesuffix(" × closed step"))
     assert row["dt"] == pytest.approx(scene.fitted_step(factor * scene.closed_step()))
     assert "From the sweep of hertz_bounce" in call("advise", path, "--sweeps", out)[1]
+    code, text, error = call("advise", "hertz_bounce", "--sweeps", out, "--json")
+    assert code == 0 and json.loads(text)["rows"], error
 
 
 def test_no_advice_is_better_than_that_of_another_law(swept, tmp_path) -> None:
@@ -114,6 +119,25 @@ def test_no_advice_is_better_than_that_of_another_law(swept, tmp_path) -> None:
     save_scene(problems.bounce(1.0, "linear").model_copy(update={"law": law}), path)
     code, text, _ = call("advise", path, "--sweeps", out)
     assert code == 1 and "another kind: its law is hertz-mindlin, not linear" in text
+
+
+def test_without_sweeps_the_command_that_makes_one_is_named(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(advice, "_shipped", lambda: tmp_path / "none")
+    code, text, _ = call("advise", "hertz_bounce", "--sweeps", tmp_path / "none")
+    assert code == 1 and "`dembench sweep hertz_bounce` makes one" in text
+    code, _, error = call("advise", "hertz_bonce", "--sweeps", tmp_path)
+    assert code == 2 and "Did you mean 'hertz_bounce'" in error
+
+
+def test_softened_cases_are_called_so() -> None:
+    """The page, the console and advice name the problem of a sweep by its target and its title."""
+    case, _ = parse_case("case1")
+    scenes = (SceneChoice("hard", None, 0, problems.bounce(1.0, "hard")),)
+    quick, published = (
+        Target("case1", "Silo", "ensemble", scenes, case=case, preset=preset) for preset in ("quick", "published")
+    )
+    assert quick.problem_name == "case1, quick, softened" and published.problem_name == "case1, published"
+    assert quick.problem().title == "Silo (case1, quick, softened)"
 
 
 USAGE = {

@@ -61,6 +61,31 @@ def parse_case(text: str) -> tuple[Case, Any]:
     return found, _parameters(found.name, found.parameters, values)
 
 
+def softening(text: str, preset: str | None) -> str:
+    """How the materials of a problem are softer than the published ones; empty where they are not or nothing is known.
+
+    Args:
+        text: A case as typed, or the name of a scene file.
+        preset: Its preset; None for a scene file.
+    """
+    if preset is None:
+        return ""
+    try:
+        found, parameters = parse_case(text)
+    except CaseError:
+        return ""
+    return found.softening(parameters, preset)  # type: ignore[arg-type]
+
+
+def problem_title(text: str, preset: str | None) -> str:
+    """A problem in words, as tables and messages name it: `case1, quick, softened`; see `softening`.
+
+    Softer materials are another problem: nothing that names one leaves the word out.
+    """
+    words = [text, preset or "", "softened" if softening(text, preset) else ""]
+    return ", ".join(word for word in words if word)
+
+
 def _parameters(name: str, model: type[Model], values: dict[str, str]) -> Model:
     known = list(model.model_fields)
     for key in values:

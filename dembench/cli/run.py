@@ -10,6 +10,7 @@ import typer
 
 from dembench import campaign, console
 from dembench.campaign import Request
+from dembench.cases.registry import softening
 from dembench.cli.asked import Asked, asked, conclude
 from dembench.cli.options import (
     DivisionName,
@@ -124,10 +125,11 @@ def plan(
         return
     _say_what_runs(chosen.requests, runs)
     console.table(
-        ("run", "engine", "repeat", "cores", "action", "estimate", "before"),
+        ("run", "problem", "engine", "repeat", "cores", "action", "estimate", "before"),
         [
             (
                 r["name"],
+                r["problem"],
                 r["engine"],
                 str(r["repeat"]),
                 str(r["cores"]),
@@ -249,7 +251,10 @@ def _each_once(blocks: Sequence[Sequence[PlannedRun]]) -> list[PlannedRun]:
 
 
 def _say_what_runs(requests: Sequence[Request], runs: Sequence[PlannedRun]) -> None:
-    """The first line: which preset, how long a run takes, how to get the published one."""
+    """The first lines: what is softened; which preset, how long a run takes, how to get the published one."""
+    for case, preset in dict.fromkeys((run.spec.case, run.spec.preset) for run in runs):
+        if text := softening(case, preset):
+            console.line(f"{case}, {preset}: {text}")
     if not all(request.is_quick_unasked() for request in requests):
         return
     estimates = {run.spec.label(): run.spec.estimate for run in runs}

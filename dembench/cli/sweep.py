@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +17,6 @@ from dembench.cli.options import (
     Fresh,
     Initial,
     Json,
-    OneScene,
     PresetName,
     Time,
     given,
@@ -29,18 +29,20 @@ from dembench.verification import campaign as verification
 from dembench.verification.precision import advice, knobs, planning, store
 from dembench.verification.precision import sweep as precision
 from dembench.verification.precision.levels import cheapest_settings
-from dembench.verification.precision.targets import Target, known_suites, target
+from dembench.verification.precision.targets import Target, known_suites, posed, target
 
 SWEEPS = Path("runs/sweep")
 SEEDS, REPEATS = 5, 3
 """Seeds of a case, and timing samples of a scene that has no seeds, unless others are typed."""
 
 
+What = Annotated[
+    str, typer.Argument(metavar="TARGET", help="a case as case3, a scene file *.json, or an experiment as hertz_bounce")
+]
+
+
 def sweep(
-    what: Annotated[
-        str,
-        typer.Argument(metavar="TARGET", help="a case as case3, a scene file *.json, or an experiment as hertz_bounce"),
-    ],
+    what: What,
     engines: Engines = None,
     knob: Annotated[str, typer.Option(help="setting that is swept: dt, substeps, arithmetic, ...")] = knobs.DT,
     points: Annotated[int, typer.Option(min=2, max=64, help="values of the knob")] = 8,
@@ -108,7 +110,7 @@ def sweep(
 
 
 def advise(
-    what: OneScene,
+    what: What,
     engines: Annotated[str, typer.Option(help="engines to advise on, as a,b; default: all that were swept")] = "",
     preset: PresetName = None,
     initial: Initial = None,
@@ -122,8 +124,9 @@ def advise(
     with usage_errors():
         request = Request(what=(what,), **given(initial=initial, preset=preset))
         with console.bar(json_) as progress:
-            scene = campaign.build_scenes(request, progress)[0].scene
-        found = advice.advise(scene, what, sweeps, split_list(engines))
+            name, scene = posed(what, request, progress)
+        makes = shlex.join(["dembench", "sweep", what, *(["--preset", preset] if preset else [])])
+        found = advice.advise(scene, name, sweeps, split_list(engines), makes)
     if json_:
         print_json(found.plain())
     else:
@@ -170,7 +173,7 @@ def _write_page(out: Path) -> Path | None:
 
 def _print(made: store.Sweep) -> None:
     """Prints the points of a sweep and the cheapest settings."""
-    console.line(f"{made.problem.title}: error against run time, {made.knob}")
+    console.line(f"{made.target}, {made.problem.title}: error against run time, {made.knob}")
     names = [measure.name for measure in made.measures]
     rows = []
     for variant in made.variants():

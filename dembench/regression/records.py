@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
+from dembench.cases.registry import problem_title
 from dembench.runs.directory import RunRecord
 
 
 def problem_of(record: RunRecord) -> str:
-    """The problem of a run in words: case, preset where there is one, and simulated time where it was cut."""
+    """The problem of a run in words; of a case with the simulated time, by which runs that were cut differ."""
     spec = record.spec
-    if spec.preset is None:
-        return spec.case
-    return f"{spec.case} {spec.preset} {spec.duration:g} s"
+    title = problem_title(spec.case, spec.preset)
+    return title if spec.preset is None else f"{title}, {spec.duration:g} s"
 
 
 def engine_of(record: RunRecord) -> str:

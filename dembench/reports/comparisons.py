@@ -55,7 +55,7 @@ def verdicts(group: Group, title: str) -> Table:
     ]
     note = "Of several seeds: mean ± standard deviation, median of the loop times." if group.seeded else ""
     marks = marks_explained(cells[:1])
-    return Table(f"{group.name}-verdicts", title, tuple(columns), tuple(table), note, marks, group.tag)
+    return Table(f"{group.name}-verdicts", title, tuple(columns), tuple(table), note, marks)
 
 
 def _values(ensemble: Ensemble, name: str) -> list[float]:
@@ -184,7 +184,7 @@ def quantities(group: Group) -> Table | None:
         *(f"[{k + 1}] {source}" for k, source in enumerate(sources)),
     )
     title = "Quantities and references"
-    return Table(f"{group.name}-quantities", title, columns, tuple(rows), footnotes=notes, tag=group.tag)
+    return Table(f"{group.name}-quantities", title, columns, tuple(rows), footnotes=notes)
 
 
 Key = tuple[str, float | None, float | None, float | None, str]
@@ -286,5 +286,4 @@ def differences(group: Group) -> Table | None:
         table,
         note="Between each two runs that reached the end, over the times that both recorded."
         + (" Of several seeds the lowest is compared." if group.seeded else ""),
-        tag=group.tag,
     )

@@ -52,7 +52,6 @@ def ensembles(group: Group) -> Table | None:
         tuple(rows),
         note="Runs that came to their end, one per seed. The accepted range is one of single runs, not of means.",
         footnotes=tuple(f"[{k + 1}] {source}" for k, source in enumerate(sources)),
-        tag=group.tag,
     )
 
 
@@ -149,7 +148,7 @@ def single_runs(group: Group) -> Table | None:
         )
         for k, m in enumerate(group.members)
     )
-    return Table(f"{group.name}-single-runs", "Single runs", tuple(columns), rows, tag=group.tag)
+    return Table(f"{group.name}-single-runs", "Single runs", tuple(columns), rows)
 
 
 # ---- the figure

@@ -14,7 +14,7 @@ import numpy as np
 
 from dembench.cases.base import Case, CaseError, Curve
 from dembench.cases.published_results import PublishedResult
-from dembench.cases.registry import parse_case
+from dembench.cases.registry import parse_case, softening
 from dembench.cases.run_times import RunTime
 from dembench.cases.views import CaseFigure, Picture
 from dembench.reports.looks import look
@@ -88,10 +88,7 @@ class Entry:
     @property
     def softening(self) -> str:
         """How the materials are softer than the published ones; empty where they are not."""
-        if self.problem is None:
-            return ""
-        case, parameters = self.problem
-        return case.softening(parameters, self.spec.preset)  # type: ignore[arg-type]
+        return softening(self.spec.case, self.spec.preset)
 
     def quantity(self, name: str) -> float | None:
         """A quantity of the case; None where the record does not cover it."""

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from dembench.reports.cells import run_cell, state_cell
+from dembench.cases.registry import problem_title
+from dembench.reports.cells import directory_cell, run_cell, state_cell
 from dembench.reports.comparisons import verdict_text
 from dembench.reports.entries import RANKED, Entry, Group, Member
 from dembench.reports.tables import Cell, Column, Table, grouped, numbers, significant
@@ -156,7 +157,7 @@ def all_runs(groups: Sequence[Group]) -> Table:
     walls = numbers([e.status.wall for _, e in listed])
     rows = tuple(
         (
-            Cell(e.name),
+            directory_cell(e),
             state_cell(e.state, resumed(e)),
             run_cell(m),
             Cell(e.spec.division),
@@ -178,8 +179,8 @@ def resumed(entry: Entry) -> str:
 
 
 def problem_name(entry: Entry) -> str:
-    """The case as typed with its preset, or the name of the scene."""
-    return f"{entry.spec.case}, {entry.spec.preset}" if entry.spec.preset else entry.spec.scene_name
+    """The problem in words, or the name of the scene of a file."""
+    return problem_title(entry.spec.case, entry.spec.preset) if entry.spec.preset else entry.spec.scene_name
 
 
 def engines(groups: Sequence[Group]) -> Table:
@@ -234,7 +235,7 @@ def settings(groups: Sequence[Group], titles: Sequence[str]) -> list[Table]:
 def counters(groups: Sequence[Group]) -> Table | None:
     """What the engines counted themselves; None where none did."""
     rows = tuple(
-        (run_cell(member), Cell(entry.name), Cell(name.replace("_", " ")), *numbers([value], digits=4))
+        (run_cell(member), directory_cell(entry), Cell(name.replace("_", " ")), *numbers([value], digits=4))
         for group in groups
         for member in group.members
         for entry in member.entries
@@ -308,7 +309,7 @@ def load(groups: Sequence[Group]) -> Table | None:
     waited = numbers([e.resources.get("waited") for _, e in listed], digits=2, most=2)
     rows = tuple(
         (
-            Cell(e.name),
+            directory_cell(e),
             run_cell(m),
             Cell(", ".join(map(str, environment[k].get("pinned_to", [])))),
             loads[k],

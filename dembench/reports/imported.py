@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dembench.reports.cells import run_cell
+from dembench.reports.cells import directory_cell, run_cell
 from dembench.reports.entries import Group
 from dembench.reports.tables import Cell, Column, Table, numbers
 
@@ -34,7 +34,7 @@ def imported_runs(groups: Sequence[Group]) -> Table | None:
             Cell("; ".join(o.get("notes", ())) or "taken as it is"),
             walls[k],
             Cell(o.get("sha256", "")[:16]),
-            Cell(e.name),
+            directory_cell(e),
         )
         for k, ((m, e), o) in enumerate(zip(found, origins, strict=True))
     )

@@ -53,7 +53,7 @@ def ratios(groups: Sequence[Group]) -> Table | None:
             (
                 Cell(pair.ratio.title),
                 run_cell(pair.over),
-                Cell(spec.preset or ""),
+                Cell(spec.preset or "", detail="softened" if pair.over.shown.softening else ""),
                 Cell(str(spec.seed), spec.seed),
                 values[k],
                 references[k],

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from dembench.reports import comparisons, facts
 from dembench.reports.case_figures import case_plots, replaced
+from dembench.reports.cells import tagged
 from dembench.reports.curves import plots
 from dembench.reports.ensembles import ensembles, seed_plot, single_runs
 from dembench.reports.entries import Group, gather
@@ -113,8 +114,8 @@ def _section(group: Group, beside: Path) -> SceneSection:
         tag=group.tag,
         drawings=tuple(draw(plot) for plot in shown if plot is not None),
         albums=tuple(albums(group, command, beside)),
-        verdicts=comparisons.verdicts(group, short),
-        tables=tuple(table for table in found if table is not None),
+        verdicts=tagged(comparisons.verdicts(group, short), group),
+        tables=tuple(tagged(table, group) for table in found if table is not None),
         commands=commands,
     )
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from dembench.cases.base import Reference
 from dembench.recipes import Page, Recipe
 from dembench.reports import facts, sensitivity
-from dembench.reports.cells import STATE_NAMES, run_cell, state_cell
+from dembench.reports.cells import STATE_NAMES, run_cell, state_cell, tagged
 from dembench.reports.ensembles import ensembles
 from dembench.reports.entries import Group
 from dembench.reports.figures import Drawing, draw
@@ -106,7 +106,8 @@ def _section(
         results = [*([sensitivity.table(study, problem, findings)] if study.must_vary else []), *results]
         tables = []
     else:
-        tables = [t for group in problem.groups for t in (ensembles(group), published_times(group)) if t is not None]
+        found = [(group, table) for group in problem.groups for table in (ensembles(group), published_times(group))]
+        tables = [tagged(table, group) for group, table in found if table is not None]
     shown = [album for group in problem.groups for album in albums(group, command, beside, page.pictures)]
     return Section(
         name=problem.name,

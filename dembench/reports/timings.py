@@ -89,7 +89,6 @@ def timings(group: Group) -> Table | None:
         rows,
         note="Only runs that are ok and keep to their division are compared: accuracy comes before speed.",
         footnotes=(*_measured_by(group), *marks_explained(rows)),
-        tag=group.tag,
     )
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from dembench.cases.base import CaseError
-from dembench.cases.registry import case, names, parse_case
+from dembench.cases.registry import case, names, parse_case, problem_title
 
 
 def test_parameters_from_text():
@@ -37,6 +37,14 @@ def test_what_is_not_known(text, expected):
     with pytest.raises(CaseError) as caught:
         parse_case(text)
     assert expected in str(caught.value)
+
+
+def test_problems_on_softer_materials_are_called_so():
+    assert problem_title("case1[orifice=small]", "quick") == "case1[orifice=small], quick, softened"
+    assert problem_title("case1", "published") == "case1, published"
+    assert problem_title("case3", "quick") == "case3, quick"
+    assert problem_title("scene.json", None) == "scene.json"
+    assert problem_title("case9", "quick") == "case9, quick"
 
 
 def test_every_case_says_what_it_is():

@@ -13,7 +13,7 @@ from dembench.regression.metrics import SPEED, Key, Metric
 DATE = "2026-01-02T03:04:05+00:00"
 
 
-def metric(name: str, *values: float, problem: str = "case3 quick", **fields: Any) -> Metric:
+def metric(name: str, *values: float, problem: str = "case3, quick", **fields: Any) -> Metric:
     """A quantity of one engine, in metres unless said otherwise."""
     about: dict[str, Any] = {"title": name.capitalize(), "unit": "m", "kind": "quantity", **fields}
     return Metric(Key(problem, "standin", name, about.pop("processor", "")), values=tuple(values), **about)

@@ -95,4 +95,4 @@ def test_a_metric_that_stands_twice_is_refused(tmp_path: Path) -> None:
 
 
 def test_keys_read_as_a_path() -> None:
-    assert str(Key("case3 quick", "standin", "depth")) == "case3 quick / standin / depth"
+    assert str(Key("case3, quick", "standin", "depth")) == "case3, quick / standin / depth"

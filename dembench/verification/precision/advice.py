@@ -91,18 +91,19 @@ class Advice:
         }
 
 
-def advise(scene: Scene, name: str, directory: Path, engines: Sequence[str] = ()) -> Advice:
+def advise(scene: Scene, name: str, directory: Path, engines: Sequence[str], makes: str) -> Advice:
     """Advice for a scene, from the sweeps in a directory and those that ship.
 
     Args:
         scene: The scene.
-        name: As typed.
+        name: The problem in words.
         directory: Directory of sweeps.
         engines: Engines to advise on; empty for all that were swept.
+        makes: Command that sweeps the scene itself.
     """
     known = store.find(directory) + store.find(_shipped())
     if not known:
-        return Advice(name, None, None, math.inf, f"{directory} holds no sweep; `dembench sweep` makes one")
+        return Advice(name, None, None, math.inf, f"{directory} holds no sweep; `{makes}` makes one")
     here = problem_of(scene, name)
     ranked = sorted(
         ((*distance(here, one.problem), one.knob != knobs.DT, path, one) for path, one in known),
@@ -110,7 +111,8 @@ def advise(scene: Scene, name: str, directory: Path, engines: Sequence[str] = ()
     )
     far, why, _, path, nearest = ranked[0]
     if far > FAR:
-        return Advice(name, None, None, far, f"the nearest sweep, {nearest.target} ({path}), is of another kind: {why}")
+        why = f"the nearest sweep, {nearest.target} ({path}), is of another kind: {why}; `{makes}` makes one of its own"
+        return Advice(name, None, None, far, why)
     rows = [
         _row(scene, nearest, one)
         for one in cheapest_settings(nearest)

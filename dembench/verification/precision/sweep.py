@@ -58,7 +58,7 @@ def table(target: Target, knob: str, groups: Sequence[Group], command: str, type
         point(group, trials).model_copy(update={"errors": own}) for group, own in zip(groups, errors, strict=True)
     )
     return Sweep(
-        target=target.name if target.preset is None else f"{target.name}, {target.preset}",
+        target=target.problem_name,
         kind=target.kind,
         knob=knob,
         problem=target.problem(),

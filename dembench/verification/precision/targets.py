@@ -53,6 +53,11 @@ class Target:
     case: Case | None = None
     preset: str | None = None
 
+    @property
+    def problem_name(self) -> str:
+        """The problem in words, with the preset of a case."""
+        return cases.problem_title(self.name, self.preset)
+
     def checks(self) -> list[Check]:
         """Checks with a relative error: exact values, no bounds, on a scale that is fixed."""
         if self.experiment is None:
@@ -61,7 +66,8 @@ class Target:
 
     def problem(self) -> Problem:
         """What kind of problem it is."""
-        return problem_of(self.scenes[0].scene, self.title)
+        title = self.title if self.preset is None else f"{self.title} ({self.problem_name})"
+        return problem_of(self.scenes[0].scene, title)
 
 
 def scale_of(check: Check) -> float:
@@ -106,6 +112,22 @@ def target(text: str, request: Request, progress: Progress) -> Target:
         case, _ = cases.parse_case(text)
         chosen = tuple(campaign.build_scenes(request, progress))
         return Target(text, case.title, "ensemble", chosen, case=case, preset=request.preset or "quick")
+    return _experiment(*_known(text))
+
+
+def posed(text: str, request: Request, progress: Progress) -> tuple[str, Scene]:
+    """The problem in words and the first scene of what a sweep can be about, whether its errors can be measured or not.
+
+    See `target` for the arguments and errors.
+    """
+    if campaign.is_file(text) or text.partition("[")[0] in cases.names():
+        first = campaign.build_scenes(request, progress)[0]
+        return cases.problem_title(text, first.preset), first.scene
+    _, experiment = _known(text)
+    return experiment.name, experiment.trials[0].scene()
+
+
+def _known(text: str) -> tuple[Suite, Experiment]:
     found = {e.name: (suite, e) for suite in known_suites() for e in suite.experiments}
     if text not in found:
         everything = [*cases.names(), *found]
@@ -113,7 +135,7 @@ def target(text: str, request: Request, progress: Progress) -> Target:
             f"'{text}' is no case, scene file or experiment.{plugins.nearest(text, everything)} Experiments are "
             f"{', '.join(found)}."
         )
-    return _experiment(*found[text])
+    return found[text]
 
 
 def known_suites() -> list[Suite]:
