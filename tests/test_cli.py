@@ -157,6 +157,16 @@ def test_a_case_without_preset_is_quick_and_the_first_line_says_so(command, smal
     assert "preset quick" not in command("plan", "case3", "--engines", "standin", "--preset", "quick").stdout
 
 
+def test_an_engine_without_a_passport_is_named_with_the_command_that_measures_it(
+    command, small_scene, monkeypatch, tmp_path
+):
+    monkeypatch.setattr("dembench.cases.impact.Impact.scene", lambda *_: small_scene())
+    monkeypatch.setenv("DEMBENCH_CACHE", str(tmp_path / "cache"))
+    said = command("run", "case3", "--engines", "standin,standin[dt=2e-5]", "--no-report").stdout
+    (line,) = [line for line in said.splitlines() if "no passport" in line]
+    assert "`dembench passport --engines standin`" in line and "standin[dt=2e-5]" in line
+
+
 def test_time_cuts_the_scene(command, scene_file):
     _run(command, scene_file, "--engines", "standin", "--time", "0.004")
     (record,) = find_runs(Path("runs"))

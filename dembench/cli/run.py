@@ -35,7 +35,8 @@ from dembench.engines.base import Division
 from dembench.runs.plan import PlannedRun, RequestError, parse_engines
 from dembench.runs.scheduler import Job
 from dembench.runs.supervise import CHECKPOINT
-from dembench.scene import Rigid
+from dembench.scene import HertzMindlin, Rigid
+from dembench.verification.passport import record as passports
 
 
 def run(
@@ -73,6 +74,7 @@ def run(
     runs = _each_once(planned)
     if not json_:
         _say_what_runs(chosen.requests, runs)
+        _say_what_was_not_measured(runs)
     with console.Display(quiet=json_) as display:
         done = campaign.carry_out(
             runs,
@@ -260,6 +262,24 @@ def _say_what_runs(requests: Sequence[Request], runs: Sequence[PlannedRun]) -> N
     estimates = {run.spec.label(): run.spec.estimate for run in runs}
     times = ", ".join(f"{label} {console.duration(value)}" for label, value in estimates.items())
     console.line(f"preset quick, as none was given; estimated time per run: {times}; as published: --preset published")
+
+
+def _say_what_was_not_measured(runs: Sequence[PlannedRun]) -> None:
+    """One line about the engines that are to run a case and whose contact law was not measured with their settings."""
+    unknown = {
+        run.spec.label(): (run.spec.engine, run.spec.overrides)
+        for run in runs
+        if run.spec.preset is not None
+        and isinstance(run.scene.law, HertzMindlin)
+        and run.probe.available
+        and not run.unsupported
+        and passports.kept(run.spec.engine, run.spec.engine_version, run.spec.settings) is None
+    }
+    if unknown:
+        console.line(
+            f"no passport at hand of {', '.join(unknown)}: `{passports.command(unknown.values())}` measures which "
+            "contact law is computed"
+        )
 
 
 def _ended(job: Job) -> dict[str, Any]:

@@ -11,7 +11,9 @@ from synthetic import add_run, impact, series
 
 from dembench.reports.report import render
 from dembench.runs.directory import find_runs
+from dembench.solver.timestep import choose_step
 from dembench.verification.passport import measure, record
+from dembench.verification.passport.scenes import contact_time
 
 
 def test_the_law_measured_stands_beside_the_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,6 +44,12 @@ def test_the_law_measured_stands_beside_the_results(tmp_path: Path, monkeypatch:
     assert (
         float(first[1]) == pytest.approx(scene_distance, abs=5e-5)
         and "tension clipped" in first[2]
-        and first[4] == "2026-01-01"
+        and first[6] == "2026-01-01"
     )
+    measured, here = (k for k, text in enumerate(heading) if text.startswith("Steps per contact"))
+    contact = choose_step(scene).contact_time
+    assert float(first[measured]) == pytest.approx(contact_time() / 1e-9, rel=0.05)
+    assert float(first[here]) == pytest.approx(contact / 5e-7, rel=0.05)
+    assert float(second[here]) == pytest.approx(contact / 5e-6, rel=0.05)
+    assert second[measured] == "–"
     assert "not measured" in second[2] and "dembench passport --engines 'beta[rows=soft]'" in second[2]

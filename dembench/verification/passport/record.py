@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shlex
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from dembench.verification.passport.measure import (
     scene,
     together,
 )
-from dembench.verification.passport.scenes import RESTITUTIONS, of_family
+from dembench.verification.passport.scenes import RESTITUTIONS, contact_time, of_family
 from dembench.verification.rows import MEASURED
 
 FILE = "passport.json"
@@ -75,10 +76,17 @@ class Passport(Model):
         text = json.dumps([self.engine, self.engine_version, self.settings], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
+    @property
+    def steps_per_contact(self) -> float | None:
+        """Time steps of a contact that was measured [-]; None where the engine has no time step."""
+        dt = self.settings.get("dt")
+        return contact_time() / dt if isinstance(dt, int | float) and dt > 0 else None
+
     def speaks_for(self, engine: str, version: str, settings: Mapping[str, Any]) -> bool:
         """Whether it is of the same contacts as a run: its engine, version and settings that are words or switches.
 
-        Settings that are numbers say how finely the engine computes, and many follow from the scene.
+        Settings that are numbers say how finely the engine computes, and many follow from the scene: tables have
+        the steps per contact of both.
         """
         return (engine, version) == (self.engine, self.engine_version) and _kinds(settings) == _kinds(self.settings)
 
@@ -152,6 +160,19 @@ def kept(engine: str, version: str, settings: Mapping[str, Any]) -> Passport | N
         if one.speaks_for(engine, version, settings):
             found.append(one)
     return max(found, key=lambda one: one.date) if found else None
+
+
+def command(choices: Iterable[tuple[str, Mapping[str, str]]]) -> str:
+    """The command that measures the contact law of engines.
+
+    Args:
+        choices: Engines with their settings as typed; the time step is that of the passport's own scene.
+    """
+    typed: dict[str, None] = {}
+    for engine, overrides in choices:
+        words = ",".join(f"{name}={value}" for name, value in overrides.items() if name != "dt")
+        typed[f"{engine}[{words}]" if words else engine] = None
+    return shlex.join(["dembench", "passport", "--engines", ",".join(typed)])
 
 
 def _shelf() -> Path:
