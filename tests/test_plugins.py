@@ -83,8 +83,9 @@ def test_what_is_no_name_is_refused(name: str, tmp_path: Path) -> None:
 
 
 def test_taken_names_and_directories_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(SkeletonError, match="there is a case 'case1' already"):
-        skeletons.write("case", "case1", tmp_path)
+    for kind, name in (("case", "case1"), ("engine", "peclet")):
+        with pytest.raises(SkeletonError, match=f"the name '{name}' is taken by a known {kind}"):
+            skeletons.write(kind, name, tmp_path)
     (tmp_path / "dembench-mine").mkdir()
     with pytest.raises(SkeletonError, match="dembench-mine is there already"):
         skeletons.write("case", "mine", tmp_path)

@@ -24,6 +24,7 @@ def fetch_data(
     name: Annotated[str, typer.Argument(help=f"data set: {', '.join(RECORDS)}")],
     source: Annotated[Path | None, typer.Option("--from", help="directory or archive with a local copy")] = None,
     url: Annotated[str | None, typer.Option(help="base address of a mirror", envvar=MIRROR)] = None,
+    again: Annotated[bool, typer.Option("--again", help="replace all that is in the cache, damaged or not")] = False,
     json_: Json = False,
 ) -> None:
     """Brings published initial states and wall meshes into the cache, from their record or a local copy.
@@ -31,7 +32,7 @@ def fetch_data(
     Checksums are recorded at first and verified at every use. `--initial NAME` then stands for the directory.
     """
     with usage_errors(), console.bar(json_) as progress:
-        found = fetch(name, source, url, progress)
+        found = fetch(name, source, url, progress, again)
     if json_:
         print_json({"directory": str(found.directory), "files": found.names, "missing": found.missing})
         return

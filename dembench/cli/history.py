@@ -39,7 +39,9 @@ def add(runs: Runs, store: Store = Path("history"), json_: Json = False) -> None
 def show(
     store: Store = Path("history"),
     baseline: Annotated[Path | None, typer.Option(help="marks what this baseline blessed, and its tolerances")] = None,
-    output: Annotated[Path, typer.Option("--output", "-o", help="page to write")] = Path("trends.html"),
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="page to write; default: trends.html beside the history")
+    ] = None,
     json_: Json = False,
 ) -> None:
     """Draws the metrics of a history over time on one page that opens offline."""
@@ -52,7 +54,7 @@ def show(
         if not lines:
             raise RegressionError(f"{store} has no history; `dembench history add RUNS --store {store}` begins one")
         expected = baselines.load(baseline) if baseline is not None else None
-    page = render(lines, expected, output)
+    page = render(lines, expected, output or store / "trends.html")
     print_json({"report": str(page)}) if json_ else console.line(str(page))
 
 

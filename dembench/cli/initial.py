@@ -13,7 +13,7 @@ from dembench.cases.base import CaseError, Preset
 from dembench.cases.registry import parse_case
 from dembench.cli.options import Initial, Json, PresetName, print_json, usage_errors
 from dembench.initial import formats
-from dembench.initial.beds import Bed, read_bed, write_bed
+from dembench.initial.beds import Bed, read_bed, shipped_file, write_bed
 from dembench.initial.fetch import initial_state
 from dembench.initial.filling import PackingError, cache_path, filled, measure
 from dembench.initial.formats.state import FIELDS, UNITS, State
@@ -32,9 +32,10 @@ def make(
     out: Annotated[Path | None, typer.Option(help="file *.npz or directory; default: the cache")] = None,
     json_: Json = False,
 ) -> None:
-    """Makes the initial state of a case, or finds it in the cache, and shows how it is packed.
+    """Makes the initial state of a case, or finds it in the package or the cache, and shows how it is packed.
 
-    An interrupted filling goes on where it was when it is asked for again.
+    A bed that ships is made anew where `--out` asks for a file of it. An interrupted filling goes on where it was when
+    it is asked for again.
     """
     with usage_errors():
         chosen, parameters = parse_case(case)
@@ -42,13 +43,18 @@ def make(
         plan = chosen.filling(parameters, preset or "quick")
         if plan is None:
             raise CaseError(f"{case}: its initial state is not filled")
-    try:
-        with console.bar(json_) as progress:
-            position = filled(plan, seed, progress)
-    except PackingError as error:
-        console.error(str(error))
-        raise typer.Exit(1) from None
     path = cache_path(plan, seed)
+    ready = shipped_file(chosen.bed_name(parameters))
+    bed = read_bed(ready) if out is None and ready is not None else None
+    if ready is not None and bed is not None and (bed.plan, bed.seed) == (plan, seed):
+        path, position = ready, bed.position
+    else:
+        try:
+            with console.bar(json_) as progress:
+                position = filled(plan, seed, progress)
+        except PackingError as error:
+            console.error(str(error))
+            raise typer.Exit(1) from None
     if out is not None:
         path = out if out.suffix == ".npz" else out / f"{chosen.bed_name(parameters)}.npz"
         write_bed(path, Bed(plan, seed, position))

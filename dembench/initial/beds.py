@@ -54,7 +54,13 @@ def write_bed(path: Path, bed: Bed) -> None:
 
 def shipped(name: str) -> np.ndarray | None:
     """Centres of the bed of that name [m], shape (n, 3), from `data/beds/`; None where none ships."""
+    path = shipped_file(name)
+    return None if path is None else read_bed(path).position
+
+
+def shipped_file(name: str) -> Path | None:
+    """The file of the bed of that name; None where none ships."""
     try:
-        return read_bed(share("data", "beds", f"{name}.npz")).position
+        return share("data", "beds", f"{name}.npz")
     except FileNotFoundError:
         return None

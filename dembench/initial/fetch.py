@@ -70,7 +70,7 @@ def data_directory(name: str) -> Path:
         found = _sum(directory / file)
         if found != recorded:
             state = "missing" if found is None else f"another file: sha256 {found}, {recorded} when it was fetched"
-            raise FetchError(f"{directory / file} is {state}; remove {directory} and fetch it again")
+            raise FetchError(f"{directory / file} is {state}; `dembench data fetch {name} --again` replaces all of it")
     return directory
 
 
@@ -85,7 +85,13 @@ def initial_state(given: Path | None) -> Path | None:
     return data_directory(str(given))
 
 
-def fetch(name: str, source: Path | None = None, url: str | None = None, progress: Progress = silent) -> Fetched:
+def fetch(
+    name: str,
+    source: Path | None = None,
+    url: str | None = None,
+    progress: Progress = silent,
+    again: bool = False,
+) -> Fetched:
     """Brings a data set into the cache, beside the files of it that are there.
 
     Args:
@@ -93,13 +99,14 @@ def fetch(name: str, source: Path | None = None, url: str | None = None, progres
         source: Directory or archive with a local copy; None loads the record.
         url: Base address of a mirror; None takes that of the environment variable DEMBENCH_DATA_URL, or the record.
         progress: Called while files are loaded.
+        again: Whether it takes the place of what is there, damaged or not, once it has come.
 
     Raises:
         FetchError: It is not known, has none of the files, several of one name, or others than were recorded at first.
         DownloadError: See `download`.
     """
     directory = _place(name)
-    before = _recorded(data_directory(name)) if (directory / SUMS).is_file() else {}
+    before = _recorded(data_directory(name)) if (directory / SUMS).is_file() and not again else {}
     loaded = directory.with_name(f".{name}.download")
     if source is None:
         address = url or os.environ.get(MIRROR)
@@ -113,7 +120,7 @@ def fetch(name: str, source: Path | None = None, url: str | None = None, progres
         if before.get(STORED[what], own) != own:
             raise FetchError(
                 f"{STORED[what]} is another file than at first: sha256 {own}, {before[STORED[what]]} in {directory}; "
-                "remove that directory to take the new one"
+                "--again takes the new one, and no other file that is there"
             )
     _store(directory, found, before)
     shutil.rmtree(loaded, ignore_errors=True)

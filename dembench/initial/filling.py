@@ -368,6 +368,13 @@ def _rest(
     interval = max(1, round(protocol.check * math.sqrt(radius.min() / gravity) / simulation.dt))
     unit = float((scene.masses() * radius).sum()) * gravity
     expected = 2 * math.sqrt(2 * float(np.ptp(scene.bodies.position[:, 2])) / gravity)
+    where = f"settling {plan.count} particles, stage {stage + 1} of {len(protocol.stages)}"
+
+    def tell(_: int = 0) -> None:
+        done = min(1.0, simulation.time / expected)
+        progress((stage + done) / len(protocol.stages), f"{where}, t = {simulation.time:.3f} s")
+
+    tell()
     energy = math.inf
     while energy > protocol.stages[stage].rest:
         if simulation.time > protocol.longest:
@@ -375,10 +382,7 @@ def _rest(
                 f"{plan.count} particles do not rest after {protocol.longest:g} s: "
                 f"the mean kinetic energy is {energy:.2g} m g r, accepted is {protocol.stages[stage].rest:g}"
             )
-        simulation.step(interval)
+        simulation.step(interval, tell)
         energy = simulation.kinetic_energy() / unit
-        done = min(1.0, simulation.time / expected)
-        where = f"stage {stage + 1} of {len(protocol.stages)}, t = {simulation.time:.3f} s"
-        progress((stage + done) / len(protocol.stages), f"settling {plan.count} particles, {where}")
         if checkpoints:
             checkpoints.save(stage, simulation)

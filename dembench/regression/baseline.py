@@ -138,8 +138,10 @@ def load(path: Path) -> Baseline:
     """
     try:
         found = Baseline.model_validate_json(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise RegressionError(f"{path}: {error}; `dembench bless` writes a baseline") from None
+    except OSError as error:
+        raise RegressionError(f"{path}: {error.strerror}; `dembench bless` writes a baseline") from None
+    except UnicodeDecodeError:
+        raise RegressionError(f"{path}: no text in UTF-8; `dembench bless` writes a baseline") from None
     except ValidationError as error:
         faults = [f"{'.'.join(map(str, f['loc'])) or 'the file'}: {f['msg']}" for f in error.errors()[:5]]
         raise RegressionError(f"{path} is no baseline of version 1: " + "; ".join(faults)) from None

@@ -72,4 +72,4 @@ def _check(kind: str, name: str) -> None:
         raise SkeletonError(f"'{name}' is no name; accepted are small letters, digits and single hyphens, as my-{kind}")
     built_in, group = KINDS[kind]
     if name in plugins.names(built_in, group):
-        raise SkeletonError(f"there is a {kind} '{name}' already; choose another name")
+        raise SkeletonError(f"the name '{name}' is taken by a known {kind}; choose another one")

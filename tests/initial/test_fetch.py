@@ -256,8 +256,12 @@ def test_copies_that_cannot_be_used(cache, tmp_path):
 def test_a_file_that_changed_in_the_cache(cache, archive, change, message):
     directory = fetch("dosta2024", archive).directory
     change(find_file(directory, "impact 25k"))
-    with pytest.raises(FetchError, match=f"25KParticles.txt is {message}.*; remove .* and fetch it again"):
+    with pytest.raises(FetchError, match=f"25KParticles.txt is {message}.*; `dembench data fetch dosta2024 --again`"):
         data_directory("dosta2024")
+    with pytest.raises(FetchError, match="--again"):
+        fetch("dosta2024", archive)
+    done = CliRunner().invoke(app, ["data", "fetch", "dosta2024", "--from", str(archive), "--again"])
+    assert done.exit_code == 0 and data_directory("dosta2024") == directory
 
 
 def test_the_word_stands_for_the_directory(cache, archive, tmp_path, monkeypatch):

@@ -121,6 +121,7 @@ def test_a_settled_bed_rests_on_the_floor():
     assert position[:, 2].min() == pytest.approx(-0.01 + 0.002, rel=1e-2)
     assert 0.01 < found.height < start(asked, seed=1)[:, 2].max() + 0.01
     check_scene(scene_of(asked, position))
+    assert seen[0] == (0.0, "settling 300 particles, stage 1 of 2, t = 0.000 s"), "said before the first step"
     fractions = [done for done, _ in seen]
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
     assert "settling 300 particles, stage 1 of 2" in seen[0][1] and "coordination" in seen[-1][1]

@@ -42,6 +42,16 @@ def test_a_made_bed_stands_in_the_cache_and_where_it_is_asked_for(tmp_path):
     assert not np.array_equal(beds[0].position, beds[1].position)
 
 
+def test_a_bed_that_ships_is_not_made_again(monkeypatch, tmp_path):
+    """The one of today's plan and seed is found in the package, whose 25 thousand grains are not settled."""
+    monkeypatch.undo()
+    monkeypatch.setenv("DEMBENCH_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("dembench.cli.initial.filled", None)
+    found = json.loads(invoke("make", "case3", "--json").stdout)
+    assert found["file"].endswith("data/beds/case3.npz") and found["count"] > 1000
+    assert isinstance(invoke("make", "case3", "--seed", "1").exception, TypeError)
+
+
 def test_what_cannot_be_made_is_refused(monkeypatch, small):
     found = invoke("make", "case9")
     assert found.exit_code == 2 and "case9" in found.stderr
