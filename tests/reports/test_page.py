@@ -87,6 +87,7 @@ def test_an_own_time_step_in_the_closed_division_is_marked(stand_ins: None, tmp_
     for table in (own.table_with("Verdict"), own.table_with("Particle-steps")):
         assert [cell.text.split()[1:] for cell in own.column(table, "Loop time")] == [[], ["s"]]
     assert "with a time step of their own: beta[dt=5e-6] (5 µs)" in "".join(own.text)
+    assert "".join(own.text).count("a run with --division open compares") == 2, "under both tables with ratios"
 
 
 @pytest.mark.parametrize("division", ["closed", "open"])
