@@ -62,7 +62,7 @@ def measured_law(group: Group) -> Table | None:
     )
     note = (
         "Collisions of two spheres of the reference variant of the law, measured apart from these runs and with finer "
-        "steps: with few steps per contact an engine is farther from its law, and `dembench sweep` says how far. "
+        "steps: with few steps per contact an engine is farther from its law, and a sweep says how far. "
         "Engines that divide their steps themselves are finer than their time step says."
     )
     return Table(f"{group.name}-law", "Contact law, measured", columns, tuple(rows), note=note)
