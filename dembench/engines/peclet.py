@@ -17,9 +17,9 @@ PARTICLE_STEPS_PER_SECOND = {"compliant": 2.5e6, "rigid": 5e5}
 """Throughput of one core on which run-time estimates are based; of compliant rows that of substeps."""
 SLOWEST_STEP = {"compliant": 0.014, "rigid": 0.007}
 """Largest step in units of sqrt(d/g); compliant rows divide theirs by the stiffness of contacts."""
-USUAL_SPEED, USUAL_TURN = 0.1, 0.8
-"""Run-time estimates take the frequency of contacts to be that of collisions at 0.1 sqrt(g d), and substeps of 0.8 over
-that: within a factor 1.5 of the substeps of the drum, the silo and the impact."""
+USUAL_SPEED = 0.1
+"""Run-time estimates take the frequency of contacts to be that of collisions at this speed over sqrt(g d) [-]: within a
+factor 1.5 of the substeps of the drum, the silo and the impact."""
 
 
 class PecletSettings(EngineSettings):
@@ -29,7 +29,7 @@ class PecletSettings(EngineSettings):
         rows: Kind of contact rows; `compliant`: the scene's soft-sphere law, implicit in substeps; `rigid`: no
             stiffness, restitution and friction of the pair laws. By default `rigid` for a rigid law, else `compliant`.
         threads: Threads that share a step with compliant rows; the bits of a result depend on their number.
-        substeps: Substeps of a step with compliant rows; None takes as many as the stiffest contact of a step needs.
+        substeps: Substeps of a step with compliant rows; None takes as many as the contacts of a step need.
         velocity_sweeps: Sweeps over compliant rows in a substep, by default 1; largest number of sweeps over rigid rows
             in a step, by default 8.
         position_sweeps: Largest number of position sweeps in a step with rigid rows, by default 12.
@@ -149,12 +149,13 @@ class Peclet(InTree):
 
     def _usual_substeps(self, scene: Scene, dt: float) -> float:
         """About as many substeps as a step of `dt` [s] will have."""
+        from dembench.solver.impulse.compliant_substeps import USUAL
         from dembench.solver.loads import meetings
 
         speed = USUAL_SPEED * math.sqrt(math.hypot(*scene.gravity) * 2 * min(scene.extreme_radii()))
         speed = speed or float(np.linalg.norm(scene.bodies.velocity, axis=1).max(initial=0))
         contact = min((kind.contact_time(speed) for kind in meetings(scene)), default=math.inf)
-        return max(1.0, dt * math.pi / (USUAL_TURN * contact))
+        return max(1.0, dt * math.pi / (USUAL * contact))
 
     def forceable(self, scene: Scene, settings: PecletSettings) -> list[str]:
         """See `Engine.forceable`; impulses know no rolling friction."""

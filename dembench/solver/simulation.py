@@ -45,7 +45,7 @@ class Simulation(Operations):
         rows: Contacts of the impulse solver: "compliant" (the scene's soft-sphere law, implicit) or "rigid" (the
             restitution and friction of the pair laws); None takes "rigid" for a rigid law and for bodies that are no
             spheres, else "compliant".
-        substeps: Substeps of a step with compliant rows; None takes as many as the stiffest contact of the step needs.
+        substeps: Substeps of a step with compliant rows; None takes as many as the contacts of the step need.
         velocity_sweeps: Sweeps over compliant rows in a substep, 1 where None; largest number of sweeps over rigid rows
             in a step, 8 where None.
         position_sweeps: Largest number of position sweeps in a step with rigid rows.

@@ -40,7 +40,7 @@ class CompliantImpulses:
         state: With a part for each thread.
         dt: Time step [s].
         precision: "float32" or "float64".
-        substeps: Substeps per step; None chooses them from the stiffest contact of each step.
+        substeps: Substeps per step; None chooses them by the stiffness of the contacts of each step.
         sweeps: Sweeps per substep.
 
     Raises:
