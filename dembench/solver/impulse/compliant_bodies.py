@@ -7,7 +7,8 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.contacts import load_functions
-from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_access, compliant_types
+from dembench.solver.impulse.compliant_rows import FAR, A, B, CompliantOptions, compliant_access, compliant_types
+from dembench.solver.lanes import LANES
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.records import Walls
@@ -23,6 +24,7 @@ def body_functions(o: CompliantOptions) -> Any:
     kin, change_of, set_change = native.kin, native.change_of, native.set_change
     get_load, add_load_to_wall = load_functions(o.law.precision, o.rotation).get, wall_load_functions(o.walls).add
     rotation, friction = o.rotation, o.law.friction
+    lanes = wp.constant(LANES)
 
     @wp.func
     def begin(b: Bodies, rows: Rows, i: int, h: real, fall: vec4, driven: int):
@@ -74,18 +76,21 @@ def body_functions(o: CompliantOptions) -> Any:
         return square
 
     @wp.func
-    def load_walls(b: Bodies, lists: Lists, walls: Walls, part: int, rows: Rows, begin: int, end: int, dt: wp.float64):
-        """Hands the impulses of the rows begin..end of a substep to the walls, as forces over the whole step."""
+    def load_walls(b: Bodies, lists: Lists, walls: Walls, part: int, rows: Rows, first: int, end: int, dt: wp.float64):
+        """Hands the impulses of the rows of the blocks first..end to the walls, as forces over the whole step."""
         poses = part * walls.motions.shape[0]
-        for r in range(begin, end):
-            a, p = rows.a[r], rows.b[r]
-            k = b.kin[rows.i[r]]
+        for row in range(first * lanes, end * lanes):
+            slot = rows.slot[row] + 0
+            a, p = row / lanes * wp.static(A) * lanes + row % lanes, row / lanes * wp.static(B) * lanes + row % lanes
+            if slot < 0 or rows.a[a + 3 * lanes] == real(-wp.static(FAR)):
+                continue
+            k = b.kin[rows.i[row]]
             n, f = wp.vec3d(), wp.vec3d()
             for c in range(3):
-                n[c] = wp.float64(a[c])
-                f[c] = wp.float64(p[4 + c]) / dt
-            t = -wp.float64(a[7]) * wp.cross(n, f)
+                n[c] = wp.float64(rows.a[a + c * lanes])
+                f[c] = wp.float64(rows.b[p + (4 + c) * lanes]) / dt
+            t = -wp.float64(rows.a[a + 7 * lanes]) * wp.cross(n, f)
             x = wp.vec3d(k[0], k[1], k[2])
-            add_load_to_wall(walls, part, lists.wall_f[rows.slot[r]], poses, x, f, t, dt)
+            add_load_to_wall(walls, part, lists.wall_f[slot], poses, x, f, t, dt)
 
     return SimpleNamespace(begin=begin, drift=drift, end=end, fastest=fastest, load_walls=load_walls)

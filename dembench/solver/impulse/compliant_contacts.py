@@ -7,26 +7,36 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types
+from dembench.solver.impulse.compliant_rows import FAR, A, B, C, CompliantOptions, compliant_types
 from dembench.solver.inspection import Touching
+from dembench.solver.lanes import LANES
 from dembench.solver.laws import surface_functions
-from dembench.solver.pairs import pair_lookup, radius_function
+from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.state import State
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
 
+SMALL, AT_WALL, LARGE = 0, 1, 2
+"""Kinds of rows: of two small bodies, of one at a wall, of a large one."""
+
 
 @dataclass(frozen=True)
 class Segment:
-    """Rows begin..end, from `other` on those of walls or, in the bridge, of large bodies; see `compliant_types`."""
+    """Blocks begin..end, from `other` on those of walls or, in the bridge, of large bodies; see `compliant_types`."""
 
     begin: int
     other: int
     end: int
     own: bool
-    shift: int
+
+
+def open_rows(segments: list[Segment], rows: Any) -> np.ndarray:
+    """Places of the rows that were open in the last substep."""
+    slot, overlap = rows.slot.numpy(), rows.a.numpy().reshape(-1, A, LANES)[:, 3].ravel()
+    used = np.concatenate([np.arange(s.begin * LANES, s.end * LANES) for s in segments])
+    return used[(slot[used] >= 0) & (overlap[used] > -FAR)]
 
 
 @cache
@@ -37,19 +47,18 @@ def contact_kernel(o: CompliantOptions) -> Any:
     """
     t = types(o.law.precision)
     real, vec3, vec4 = t.real, t.vec3, t.vec4
-    Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
+    Bodies, Lists = t.Bodies, t.Lists
     Rows = compliant_types(o.law.precision)
     separation = image_functions(o.law.precision, o.periodic).separation
     surface = surface_functions(o.law)
     arm_of, spring_of = surface.arm, surface.spring
-    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     radius = radius_function(o.law.precision, o.radii)
-    friction, linear, shared = o.law.friction, o.law.linear, o.shared
+    friction, linear, lanes = o.law.friction, o.law.linear, wp.constant(LANES)
 
     @wp.func
-    def energy_of(overlap: real, xi: vec3, c: PairClass):
+    def energy_of(overlap: real, xi: vec3, kn: real, kt: real):
         energy = real(0.0)
         if overlap > real(0.0):
             root = real(1.0)
@@ -57,7 +66,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
             if wp.static(not linear):
                 root = wp.sqrt(overlap)
                 share = real(0.4)
-            energy = share * c.kn * overlap * overlap * root + real(0.5) * c.kt * root * wp.dot(xi, xi)
+            energy = share * kn * overlap * overlap * root + real(0.5) * kt * root * wp.dot(xi, xi)
         return energy
 
     @wp.func
@@ -68,23 +77,19 @@ def contact_kernel(o: CompliantOptions) -> Any:
     @wp.kernel(enable_backward=False, module="unique")
     def measure(
         # inputs
-        begin: int,
-        other: int,
-        end: int,
-        own: int,
-        shift: int,
+        used: wp.array(dtype=wp.int32),
+        kind: wp.array(dtype=wp.int32),
         made: real,
         b: Bodies,
         lists: Lists,
         rows: Rows,
         walls: Walls,
-        table: wp.array(dtype=PairClass),
-        columns: int,
         # outputs
         place: wp.array(dtype=vec4),
         energy: wp.array(dtype=real),
     ):
-        for r in range(begin, end):
+        for q in range(used.shape[0]):
+            r = used[q]
             i, j, slot = rows.i[r], rows.j[r], rows.slot[r]
             ki = b.kin[i]
             x = wp.vec3d(ki[0], ki[1], ki[2])
@@ -92,7 +97,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
             n, s = wp.vec3d(), vec3()
             overlap = wp.float64(0.0)
             memory = vec4()
-            if r < other or own == 0:
+            if kind[q] != wp.static(AT_WALL):
                 kj = b.kin[j]
                 apart = separation(b, ki, kj)
                 d = wp.vec3d(apart[0], apart[1], apart[2])
@@ -102,7 +107,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
                 overlap = ri + rj - wp.length(d)
                 if wp.static(friction):
                     s = arm_of(ri, real(overlap)) * spin(b, i) + arm_of(rj, real(overlap)) * spin(b, j)
-                    if r < other:
+                    if kind[q] == wp.static(SMALL):
                         memory = lists.memory[slot]
                     else:
                         memory = lists.big_memory[slot]
@@ -116,28 +121,19 @@ def contact_kernel(o: CompliantOptions) -> Any:
                 if wp.static(friction):
                     s = arm_of(arm, real(overlap)) * spin(b, i)
                     memory = lists.wall_memory[slot]
-            c = PairClass()
-            if wp.static(shared):
-                if r < other:
-                    c = of_pair(b, i, j, table, columns)
-                else:
-                    c = rows.c[r - shift]
-            else:
-                c = rows.c[r - shift]
+            at = r / lanes * wp.static(C) * lanes + r % lanes
             m = vec3(real(n[0]), real(n[1]), real(n[2]))
             xi = vec3()
             if wp.static(friction):
                 g = vec3(real(v[0]), real(v[1]), real(v[2])) + wp.cross(m, s)
                 xi = spring_of(memory, m, g - wp.dot(g, m) * m, real(0.5) * made)
-            place[r] = vec4(m[0], m[1], m[2], real(overlap))
-            energy[r] = energy_of(real(overlap), xi, c)
+            place[q] = vec4(m[0], m[1], m[2], real(overlap))
+            energy[q] = energy_of(real(overlap), xi, rows.c[at], rows.c[at + lanes])
 
     return measure
 
 
-def touching(
-    o: CompliantOptions, segments: list[Segment], state: State, rows: Any, table: Any, columns: int, made: float
-) -> Touching:
+def touching(o: CompliantOptions, segments: list[Segment], state: State, rows: Any, made: float) -> Touching:
     """The contacts that the rows of the last substep have left.
 
     Args:
@@ -145,25 +141,26 @@ def touching(
         segments: Where the rows stand.
         state: The bodies, the lists that the rows refer to, and the walls.
         rows: The rows.
-        table, columns: Constants of pairs.
         made: The last substep [scene units].
     """
-    count, t = max(1, segments[-1].end), types(o.law.precision)
-    place = wp.zeros(count, dtype=t.vec4, device="cpu")
-    energy = wp.zeros(count, dtype=t.real, device="cpu")
+    used, t = open_rows(segments, rows), types(o.law.precision)
+    kind = np.full(len(used), SMALL)
     for s in segments:
-        inputs = [s.begin, s.other, s.end, int(s.own), s.shift, made, state.bodies, state.lists, rows]
-        inputs += [state.walls.record, table, columns]
-        wp.launch(contact_kernel(o), dim=1, device="cpu", inputs=inputs, outputs=[place, energy])
-    used = np.concatenate([np.arange(s.begin, s.end) for s in segments])
-    at_walls = np.concatenate([(np.arange(s.begin, s.end) >= s.other) & s.own for s in segments])
-    normal, overlap = np.split(place.numpy()[used].astype(float), [3], axis=1)
+        kind[(used >= s.other * LANES) & (used < s.end * LANES)] = AT_WALL if s.own else LARGE
+    place = wp.zeros(len(used), dtype=t.vec4, device="cpu")
+    energy = wp.zeros(len(used), dtype=t.real, device="cpu")
+    inputs = [wp.array(x, dtype=wp.int32, device="cpu") for x in (used, kind)]
+    inputs += [made, state.bodies, state.lists, rows, state.walls.record]
+    wp.launch(contact_kernel(o), dim=1, device="cpu", inputs=inputs, outputs=[place, energy])
+    normal, overlap = np.split(place.numpy().astype(float), [3], axis=1)
     touch = overlap[:, 0] > 0
-    kept, at_wall = used[touch], at_walls[touch]
+    kept, at_wall = used[touch], kind[touch] == AT_WALL
     i, j = rows.i.numpy()[kept], rows.j.numpy()[kept]
     feature = np.full(len(kept), -1, np.int32)
     feature[at_wall] = state.lists.wall_f.numpy()[rows.slot.numpy()[kept[at_wall]]]
-    impulse, n = rows.b.numpy()[kept, 4:7].astype(float), rows.a.numpy()[kept, :3].astype(float)
+    block, lane = np.divmod(kept, LANES)
+    impulse = rows.b.numpy().reshape(-1, B, LANES)[block, 4:7, lane].astype(float)
+    n = rows.a.numpy().reshape(-1, A, LANES)[block, :3, lane].astype(float)
     force = impulse / made if made else impulse
     along = (force * n).sum(axis=1)
     return Touching(
@@ -174,5 +171,5 @@ def touching(
         overlap=overlap[touch, 0],
         normal_force=along,
         tangential_force=force - along[:, None] * n,
-        energy=energy.numpy()[kept].astype(float),
+        energy=energy.numpy()[touch].astype(float),
     )

@@ -18,45 +18,141 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import (
-    AHEAD,
-    CompliantOptions,
-    compliant_access,
-    compliant_types,
-)
+from dembench.solver.impulse.compliant_rows import FAR, A, B, C, CompliantOptions, compliant_access, compliant_types
 from dembench.solver.impulse.exchange import impulse_function
+from dembench.solver.lanes import LANES, prelude
 from dembench.solver.laws import surface_functions
-from dembench.solver.pairs import pair_lookup, radius_function
+from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
-from dembench.solver.types import types, vec8d
+from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
+
+_PAIRS = """
+F zero = full(0), one = full(1), deepest = zero;
+const double* kin = (const double*)bodies.kin.data;
+const int last = bodies.kin.shape[0] - 1;
+for (int block = first; block < end; ++block) {
+    const int *i = rows.i.data + block * W, *j = rows.j.data + block * W, *slot = rows.slot.data + block * W;
+    real *a = rows.a.data + block * (A * W), *b = rows.b.data + block * (B * W), *u = (real*)rows.u.data;
+    const real* c = rows.c.data + block * (C * W);
+    // what does not move stands behind the bodies
+    int bi[W], bj[W], kept[W];
+    F used;
+    for (int k = 0; k < W; ++k) {
+        bi[k] = i[k] < last ? i[k] : last;
+        bj[k] = j[k] < last ? j[k] : last;
+        kept[k] = slot[k] < 0 ? 0 : slot[k];
+        used[k] = slot[k] < 0 ? 0 : 1;
+    }
+    if (block + 1 < end)
+        for (int k = 0; k < W; ++k) {
+            int next = j[W + k] < last ? j[W + k] : last;
+            __builtin_prefetch(kin + 8 * next);
+            __builtin_prefetch(&rows.u.data[next], 1);
+        }
+    D d0 = of_double(kin, bi, 8, 0) - of_double(kin, bj, 8, 0);
+    D d1 = of_double(kin, bi, 8, 1) - of_double(kin, bj, 8, 1);
+    D d2 = of_double(kin, bi, 8, 2) - of_double(kin, bj, 8, 2);
+    if constexpr (periodic) {
+        d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
+        d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
+        d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
+    }
+    F v0 = __builtin_convertvector(of_double(kin, bi, 8, 3) - of_double(kin, bj, 8, 3), F);
+    F v1 = __builtin_convertvector(of_double(kin, bi, 8, 4) - of_double(kin, bj, 8, 4), F);
+    F v2 = __builtin_convertvector(of_double(kin, bi, 8, 5) - of_double(kin, bj, 8, 5), F);
+    D ri = D{} + bodies.radius, rj = ri;
+    if constexpr (radii) { ri = of_double(kin, bi, 8, 6); rj = of_double(kin, bj, 8, 6); }
+    D sum = ri + rj, r2 = d0 * d0 + d1 * d1 + d2 * d2;
+    F near = __builtin_convertvector((sum + reach) * (sum + reach) - r2, F);
+    // (sum^2 - r^2)/(sum + r) keeps the overlap exact in single precision where sum - r would not
+    F e0 = __builtin_convertvector(d0, F), e1 = __builtin_convertvector(d1, F), e2 = __builtin_convertvector(d2, F);
+    F r = root(e0 * e0 + e1 * e1 + e2 * e2), both = __builtin_convertvector(sum, F);
+    F overlap = __builtin_convertvector(sum * sum - r2, F) / (both + r);
+    F inverse = r > 0 ? 1 / r : zero;
+    F n0 = r > 0 ? e0 * inverse : one, n1 = e1 * inverse, n2 = e2 * inverse;
+    F vn = v0 * n0 + v1 * n1 + v2 * n2;
+    F mean = overlap - h * h * (v0 * v0 + v1 * v1 + v2 * v2 - vn * vn) / (8 * both);
+    auto open = (used > 0) & (near > 0) & (mean + h / 2 * (vn < 0 ? -vn : vn) > 0);
+    deepest = open ? larger(deepest, overlap) : deepest;
+
+    F kn = at(c), root_mean = one, normal;
+    if constexpr (!linear) root_mean = root(larger(mean, zero));
+    normal = h * kn * larger(mean, zero) * root_mean;
+    F p0 = normal * n0, p1 = normal * n1, p2 = normal * n2, ai, aj;
+    if constexpr (friction) {
+        const real *w = (const real*)bodies.spin.data;
+        real* memory = (real*)lists.memory.data;
+        ai = __builtin_convertvector(ri, F); aj = __builtin_convertvector(rj, F);
+        if constexpr (!rescaled) { ai -= overlap / 2; aj -= overlap / 2; }
+        F s0 = ai * of(w, bi, 4, 0) + aj * of(w, bj, 4, 0);
+        F s1 = ai * of(w, bi, 4, 1) + aj * of(w, bj, 4, 1);
+        F s2 = ai * of(w, bi, 4, 2) + aj * of(w, bj, 4, 2);
+        v0 += n1 * s2 - n2 * s1; v1 += n2 * s0 - n0 * s2; v2 += n0 * s1 - n1 * s0;
+        F t0 = v0 - vn * n0, t1 = v1 - vn * n1, t2 = v2 - vn * n2;
+        F x0 = of(memory, kept, 4, 0), x1 = of(memory, kept, 4, 1), x2 = of(memory, kept, 4, 2);
+        F met = of(memory, kept, 4, 3);
+        real grows = grown / 2;
+        if constexpr (rescaled) {
+            F along = x0 * n0 + x1 * n1 + x2 * n2, size = root(x0 * x0 + x1 * x1 + x2 * x2);
+            x0 -= along * n0; x1 -= along * n1; x2 -= along * n2;
+            F length = root(x0 * x0 + x1 * x1 + x2 * x2), scale = length > 0 ? size / length : one;
+            x0 = x0 * scale + grows * t0; x1 = x1 * scale + grows * t1; x2 = x2 * scale + grows * t2;
+        } else {
+            x0 += grows * t0; x1 += grows * t1; x2 += grows * t2;
+            F along = x0 * n0 + x1 * n1 + x2 * n2;
+            x0 -= along * n0; x1 -= along * n1; x2 -= along * n2;
+        }
+        x0 = met != 0 ? x0 : zero; x1 = met != 0 ? x1 : zero; x2 = met != 0 ? x2 : zero;
+        F kt = -h * at(c + W) * root_mean, bound = at(c + 4 * W) * normal;
+        F l0 = kt * (x0 + h / 2 * t0), l1 = kt * (x1 + h / 2 * t1), l2 = kt * (x2 + h / 2 * t2);
+        F size2 = l0 * l0 + l1 * l1 + l2 * l2, share = size2 > bound * bound ? bound / root(size2) : one;
+        share = mean > 0 ? share : zero;
+        p0 += share * l0; p1 += share * l1; p2 += share * l2;
+        to(b, x0); to(b + W, x1); to(b + 2 * W, x2); to(b + 3 * W, aj); to(a + 7 * W, ai);
+        for (int k = 0; k < W; ++k)
+            if (!open[k] && slot[k] >= 0 && met[k] != 0)
+                for (int f = 0; f < 4; ++f) memory[4 * slot[k] + f] = 0;
+    }
+    p0 = open ? p0 : zero; p1 = open ? p1 : zero; p2 = open ? p2 : zero;
+    to(a, n0); to(a + W, n1); to(a + 2 * W, n2); to(a + 3 * W, open ? mean : full(-far));
+    to(a + 4 * W, v0); to(a + 5 * W, v1); to(a + 6 * W, v2);
+    to(b + 4 * W, p0); to(b + 5 * W, p1); to(b + 6 * W, p2);
+    F mi = of(u, i, 8, 3), mj = of(u, j, 8, 3);
+    into(u, i, 8, 0, of(u, i, 8, 0) + mi * p0); into(u, j, 8, 0, of(u, j, 8, 0) - mj * p0);
+    into(u, i, 8, 1, of(u, i, 8, 1) + mi * p1); into(u, j, 8, 1, of(u, j, 8, 1) - mj * p1);
+    into(u, i, 8, 2, of(u, i, 8, 2) + mi * p2); into(u, j, 8, 2, of(u, j, 8, 2) - mj * p2);
+    if constexpr (friction) {
+        F ti = ai * of(u, i, 8, 7), tj = aj * of(u, j, 8, 7);
+        F q0 = n1 * p2 - n2 * p1, q1 = n2 * p0 - n0 * p2, q2 = n0 * p1 - n1 * p0;
+        into(u, i, 8, 4, of(u, i, 8, 4) - ti * q0); into(u, j, 8, 4, of(u, j, 8, 4) - tj * q0);
+        into(u, i, 8, 5, of(u, i, 8, 5) - ti * q1); into(u, j, 8, 5, of(u, j, 8, 5) - tj * q1);
+        into(u, i, 8, 6, of(u, i, 8, 6) - ti * q2); into(u, j, 8, 6, of(u, j, 8, 6) - tj * q2);
+    }
+}
+real largest = 0;
+for (int k = 0; k < W; ++k) largest = deepest[k] > largest ? deepest[k] : largest;
+return largest;
+"""
 
 
 @cache
 def opening_functions(o: CompliantOptions) -> Any:
-    """Warp functions `pairs`, `bigs` and `walls` that write rows of a substep, `first` being the first of them.
+    """Warp functions `pairs`, `bigs` and `walls` that open the rows of the blocks first..end for a substep.
 
-    They return where the rows end, and the first two also the largest overlap. Each applies the impulses with which its
-    rows begin, and forgets the memory of contacts that are open. `shift`: see `compliant_types`.
+    Each applies the impulses with which its rows begin, and forgets the memory of contacts that are open; the first two
+    return the largest overlap. No two small bodies approach by more than `reach` within the substep.
     """
     precision = o.law.precision
     t = types(precision)
-    real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
-    Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
+    real, vec3, vec4 = t.real, t.vec3, t.vec4
+    Bodies, Lists = t.Bodies, t.Lists
+    PairClass = t.PairClass
     Rows = compliant_types(precision)
     native = compliant_access(precision, o.rotation)
-    kin, spin, memory_of, set_memory, entry = (
-        native.kin,
-        native.spin,
-        native.memory_of,
-        native.set_memory,
-        native.entry,
-    )
-    change_of, set_change, set_impulse, put = native.change_of, native.set_change, native.set_impulse, native.put
-    ask_body = native.ask_body
+    kin, spin, change_of, set_change = native.kin, native.spin, native.change_of, native.set_change
     after = impulse_function(precision)
-    of_pair, of_wall = pair_lookup(precision, o.pairs, o.radii)
     of_feature = wall_functions(o.walls)
     separation = image_functions(precision, o.periodic).separation
     surface = surface_functions(o.law)
@@ -64,7 +160,25 @@ def opening_functions(o: CompliantOptions) -> Any:
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     mean_distance_of = of_feature.mean_distance
     radius = radius_function(precision, o.radii)
-    friction, linear, shared = o.law.friction, o.law.linear, o.shared
+    friction, linear = o.law.friction, o.law.linear
+    lanes = wp.constant(LANES)
+    constants = prelude(
+        precision,
+        A=A,
+        B=B,
+        C=C,
+        far=FAR,
+        friction=friction,
+        linear=linear,
+        rescaled=o.law.rescaled,
+        periodic=o.periodic,
+        radii=o.radii,
+    )
+
+    @wp.func_native(constants + _PAIRS)
+    def pairs(
+        bodies: Bodies, lists: Lists, rows: Rows, first: int, end: int, h: real, grown: real, reach: wp.float64
+    ) -> real: ...
 
     @wp.func
     def first_impulse(n: vec3, overlap: real, xi: vec3, c: PairClass, h: real):
@@ -90,12 +204,17 @@ def opening_functions(o: CompliantOptions) -> Any:
         return real(0.125) * h * h * (wp.dot(v, v) - vn * vn) / distance
 
     @wp.func
+    def shut(rows: Rows, row: int):
+        """A row that is not open: no sweep changes anything."""
+        block, lane = row / lanes, row % lanes
+        rows.a[(block * wp.static(A) + 3) * lanes + lane] = real(-wp.static(FAR))
+        for f in range(4, 7):
+            rows.b[(block * wp.static(B) + f) * lanes + lane] = real(0.0)
+
+    @wp.func
     def open_row(
         rows: Rows,
-        at: int,
-        i: int,
-        j: int,
-        slot: int,
+        row: int,
         n: vec3,
         overlap: real,
         v: vec3,
@@ -104,11 +223,16 @@ def opening_functions(o: CompliantOptions) -> Any:
         ai: real,
         aj: real,
         memory: vec4,
-        c: PairClass,
         h: real,
         grown: real,
     ):
-        """Writes a row; returns the impulse with which it begins."""
+        """Writes a row and applies the impulse with which it begins."""
+        block, lane = row / lanes, row % lanes
+        a, b, k = block * wp.static(A), block * wp.static(B), block * wp.static(C)
+        c = PairClass()
+        c.kn = rows.c[k * lanes + lane]
+        c.kt = rows.c[(k + 1) * lanes + lane]
+        c.mu = rows.c[(k + 4) * lanes + lane]
         half = real(0.5) * h
         vn = wp.dot(v, n)
         g = v
@@ -118,118 +242,28 @@ def opening_functions(o: CompliantOptions) -> Any:
             if memory[3] != real(0.0):
                 xi = spring_of(memory, n, g - vn * n, real(0.5) * grown)
         p = first_impulse(n, overlap, xi + half * (g - vn * n), c, h)
-        put(rows, at, i, j, slot, vec8(n[0], n[1], n[2], overlap, g[0], g[1], g[2], ai))
-        set_impulse(rows, at, vec8(xi[0], xi[1], xi[2], aj, p[0], p[1], p[2], real(0.0)))
-        return p
+        for f in range(3):
+            rows.a[(a + f) * lanes + lane] = n[f]
+            rows.a[(a + 4 + f) * lanes + lane] = g[f]
+            rows.b[(b + f) * lanes + lane] = xi[f]
+            rows.b[(b + 4 + f) * lanes + lane] = p[f]
+        rows.a[(a + 3) * lanes + lane] = overlap
+        rows.a[(a + 7) * lanes + lane] = ai
+        rows.b[(b + 3) * lanes + lane] = aj
+        i, j, turn = rows.i[row], rows.j[row], wp.cross(n, p)
+        set_change(rows, i, after(change_of(rows, i), p, turn, ai))
+        set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
 
     @wp.func
-    def pairs(
-        b: Bodies,
-        lists: Lists,
-        base: int,
-        count: int,
-        one: PairClass,
-        table: wp.array(dtype=PairClass),
-        columns: int,
-        h: real,
-        grown: real,
-        reach: wp.float64,
-        rows: Rows,
-        first: int,
-        shift: int,
-    ):
-        """Rows of the near pairs of a region, sorted by i: what concerns i is read and written once per run.
-
-        No two small bodies approach by more than `reach` within the substep; `one` are the constants that all pairs
-        share, where they do.
-        """
-        found = int(first)
-        largest = real(0.0)
-        current = int(-1)
-        ki = vec8d()
-        ui = vec8()
-        wi = vec3()
-        c = PairClass()
-        if wp.static(shared):
-            c = one
-        for q in range(count):
-            k = entry(lists.near, base + q)
-            i, j = entry(lists.i, k), entry(lists.j, k)
-            if q + AHEAD < count:
-                ask_body(b, rows, entry(lists.j, entry(lists.near, base + q + AHEAD)))
-            if i != current:
-                if current >= 0:
-                    set_change(rows, current, ui)
-                current = i + 0
-                ki = kin(b, i)
-                ui = change_of(rows, i)
-                if wp.static(friction):
-                    w = spin(b, i)
-                    wi = vec3(w[0], w[1], w[2])
-            kj = kin(b, j)
-            d = separation(b, ki, kj)
-            ri, rj = radius(b, ki), radius(b, kj)
-            sum = ri + rj
-            r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
-            kept = int(0)
-            if r2 < (sum + reach) * (sum + reach):
-                # (sum^2 - r^2)/(sum + r) keeps the overlap exact in single precision where sum - r would not
-                e = vec3(real(d[0]), real(d[1]), real(d[2]))
-                r = wp.length(e)
-                overlap = real(sum * sum - r2) / (real(sum) + r)
-                n = vec3(real(1.0), real(0.0), real(0.0))
-                if r > real(0.0):
-                    n = e * (real(1.0) / r)
-                v = vec3(real(d[3]), real(d[4]), real(d[5]))
-                vn = wp.dot(v, n)
-                mean = overlap - sagitta(v, vn, h, real(sum))
-                if mean + real(0.5) * h * wp.abs(vn) > real(0.0):
-                    kept = 1
-                    wj = vec3()
-                    if wp.static(friction):
-                        s = spin(b, j)
-                        wj = vec3(s[0], s[1], s[2])
-                    if wp.static(not shared):
-                        c = of_pair(b, i, j, table, columns)
-                        rows.c[found - shift] = c
-                    ai, aj = arm_of(ri, overlap), arm_of(rj, overlap)
-                    m = vec4()
-                    if wp.static(friction):
-                        m = memory_of(lists, k)
-                    p = open_row(rows, found, i, j, k, n, mean, v, wi, wj, ai, aj, m, c, h, grown)
-                    found += 1
-                    largest = wp.max(largest, overlap)
-                    turn = wp.cross(n, p)
-                    ui = after(ui, p, turn, ai)
-                    set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
-            if wp.static(friction):
-                if kept == 0 and memory_of(lists, k)[3] != real(0.0):
-                    set_memory(lists.memory, k, vec4())
-        if current >= 0:
-            set_change(rows, current, ui)
-        return found, largest
-
-    @wp.func
-    def bigs(
-        b: Bodies,
-        lists: Lists,
-        count: int,
-        n_small: int,
-        total: int,
-        table: wp.array(dtype=PairClass),
-        columns: int,
-        h: real,
-        grown: real,
-        rows: Rows,
-        first: int,
-        shift: int,
-    ):
+    def bigs(b: Bodies, lists: Lists, rows: Rows, first: int, end: int, h: real, grown: real):
         """Rows of the candidates of large bodies."""
-        found = int(first)
         largest = real(0.0)
-        for q in range(count):
-            i, j = lists.big_i[q], lists.big_j[q]
-            slot = (j - n_small) * total + i
+        for row in range(first * lanes, end * lanes):
+            slot = rows.slot[row] + 0
+            if slot < 0:
+                shut(rows, row)
+                continue
+            i, j = rows.i[row] + 0, rows.j[row] + 0
             ki, kj = kin(b, i), kin(b, j)
             d = separation(b, ki, kj)
             ri, rj = radius(b, ki), radius(b, kj)
@@ -250,45 +284,35 @@ def opening_functions(o: CompliantOptions) -> Any:
             vn = wp.dot(v, n)
             mean = overlap - sagitta(v, vn, h, real(sum))
             if mean + real(0.5) * h * wp.abs(vn) > real(0.0):
-                c = of_pair(b, i, j, table, columns)
-                rows.c[found - shift] = c
-                ai, aj = arm_of(ri, overlap), arm_of(rj, overlap)
-                p = open_row(rows, found, i, j, slot, n, mean, v, wi, wj, ai, aj, memory, c, h, grown)
-                found += 1
+                open_row(rows, row, n, mean, v, wi, wj, arm_of(ri, overlap), arm_of(rj, overlap), memory, h, grown)
                 largest = wp.max(largest, overlap)
-                turn = wp.cross(n, p)
-                set_change(rows, i, after(change_of(rows, i), p, turn, ai))
-                set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
-            elif wp.static(friction):
-                if memory[3] != real(0.0):
-                    lists.big_memory[slot] = vec4()
-        return found, largest
+            else:
+                shut(rows, row)
+                if wp.static(friction):
+                    if memory[3] != real(0.0):
+                        lists.big_memory[slot] = vec4()
+        return largest
 
     @wp.func
     def walls(
         b: Bodies,
         lists: Lists,
-        base: int,
-        count: int,
+        rows: Rows,
+        first: int,
+        end: int,
         features: Walls,
         poses: int,
-        fixed: int,
-        table: wp.array(dtype=PairClass),
-        columns: int,
         h: real,
         grown: real,
         fall: real,
-        rows: Rows,
-        first: int,
-        shift: int,
     ):
-        """Rows of the bodies of a thread at walls, whose poses begin at `poses`.
-
-        `fixed` is the index of what does not move, and `fall` what gravity adds to a speed within the substep.
-        """
-        found = int(first)
-        for q in range(base, base + count):
-            i, f = lists.wall_i[q], lists.wall_f[q]
+        """Rows of bodies at walls, whose poses begin at `poses`; `fall` is what gravity adds to a speed."""
+        for row in range(first * lanes, end * lanes):
+            q = rows.slot[row] + 0
+            if q < 0:
+                shut(rows, row)
+                continue
+            i, f = lists.wall_i[q] + 0, lists.wall_f[q] + 0
             k = kin(b, i)
             x = wp.vec3d(k[0], k[1], k[2])
             distance, normal = distance_of(features, f, poses, x)
@@ -308,31 +332,11 @@ def opening_functions(o: CompliantOptions) -> Any:
                 s = spin(b, i)
                 w = vec3(s[0], s[1], s[2])
             if mean + real(0.5) * h * (wp.abs(wp.dot(v, n)) + fall) > real(0.0):
-                c = of_wall(b, i, features.features[f].kind, table, columns)
-                rows.c[found - shift] = c
-                p = open_row(
-                    rows,
-                    found,
-                    i,
-                    fixed,
-                    q,
-                    n,
-                    mean,
-                    v,
-                    w,
-                    vec3(),
-                    ai,
-                    real(0.0),
-                    memory,
-                    c,
-                    h,
-                    grown,
-                )
-                found += 1
-                set_change(rows, i, after(change_of(rows, i), p, wp.cross(n, p), ai))
-            elif wp.static(friction):
-                if memory[3] != real(0.0):
-                    lists.wall_memory[q] = vec4()
-        return found
+                open_row(rows, row, n, mean, v, w, vec3(), ai, real(0.0), memory, h, grown)
+            else:
+                shut(rows, row)
+                if wp.static(friction):
+                    if memory[3] != real(0.0):
+                        lists.wall_memory[q] = vec4()
 
     return SimpleNamespace(pairs=pairs, bigs=bigs, walls=walls)

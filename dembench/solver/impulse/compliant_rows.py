@@ -12,8 +12,10 @@ from dembench.solver.pairs import ONE, TABLE
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.records import WallOptions
 
-AHEAD = wp.constant(12)
-"""How many rows ahead the second body of a row is asked for."""
+FAR = 1e30
+"""Gap of a row that is not open in a substep [scene units]."""
+A, B, C = 8, 8, 5
+"""Numbers of a row in the arrays a, b and c."""
 OWN, BRIDGE = wp.constant(0), wp.constant(1)
 """Kinds of segments of the rows: those of a thread, and those across the ranges of threads and of large bodies."""
 
@@ -54,32 +56,33 @@ class CompliantOptions:
 def compliant_types(precision: str) -> Any:
     """The record CompliantRows.
 
-    The rows stand in segments, one for each thread and last the bridge.
+    The rows stand in blocks of LANES, see `compliant_schedule`, and the blocks in segments, one for each thread and
+    last the bridge; a lane without a row has the slot -1 and bodies that do not move.
 
     i, j: indices into u, j behind the last body where i meets a wall; slot: place of the contact memory.
 
-    a: normal from j to i (0-2), overlap (negative: gap) and lever arm of i (7), all in the middle of the substep;
-    velocity of the surface of i past that of j (4-6) at its start.
-
-    b: tangential spring (0-2), lever arm of j, impulse on i (4-6).
-
-    c: constants of the rows, or, where pairs share theirs, of the rows of walls, at the places of their candidates, and
-    behind them of those of large bodies. Those of row r stand at r - shift, with a shift for each segment.
+    Of each block there are numbers of its lanes side by side. a: normal from j to i (0-2), overlap in the middle of the
+    substep (negative: gap; FAR apart: not open) and lever arm of i (7); velocity of the surface of i past that of j
+    (4-6) at its start. b: tangential spring (0-2), lever arm of j, impulse on i (4-6). c: constants of the pair, kn,
+    kt, dn, dt, mu.
 
     u: change of velocity in the substep (0-2), inverse mass, change of angular velocity (4-6), inverse moment of
-    inertia, of bodies and, behind them, of what does not move, once for each thread.
+    inertia, of bodies and, behind them, of what does not move, once for each thread. mask, stamp: see
+    `compliant_schedule`.
     """
     t = types(precision)
-    vec8 = t.vec8
+    real, vec8 = t.real, t.vec8
 
     class CompliantRows:
         i: wp.array(dtype=wp.int32)
         j: wp.array(dtype=wp.int32)
         slot: wp.array(dtype=wp.int32)
-        a: wp.array(dtype=vec8)
-        b: wp.array(dtype=vec8)
-        c: wp.array(dtype=t.PairClass)
+        a: wp.array(dtype=real)
+        b: wp.array(dtype=real)
+        c: wp.array(dtype=real)
         u: wp.array(dtype=vec8)
+        mask: wp.array(dtype=wp.uint64)
+        stamp: wp.array(dtype=wp.int32)
 
     CompliantRows.__qualname__ = CompliantRows.__name__ = f"CompliantRows_{precision}"
     return wp.struct(CompliantRows)
@@ -113,28 +116,6 @@ def compliant_access(precision: str, rotation: bool) -> Any:
     @wp.func_native("rows.u.data[i] = u;")
     def set_change(rows: Rows, i: int, u: vec8): ...
 
-    @wp.func_native("return rows.a.data[r];")
-    def geometry_of(rows: Rows, r: int) -> vec8: ...
-
-    @wp.func_native("return rows.b.data[r];")
-    def impulse_of(rows: Rows, r: int) -> vec8: ...
-
-    @wp.func_native("rows.b.data[r] = b;")
-    def set_impulse(rows: Rows, r: int, b: vec8): ...
-
-    @wp.func_native("rows.i.data[r] = i; rows.j.data[r] = j; rows.slot.data[r] = slot; rows.a.data[r] = a;")
-    def put(rows: Rows, r: int, i: int, j: int, slot: int, a: vec8): ...
-
-    @wp.func_native("__builtin_prefetch(&rows.u.data[i], 1);")
-    def ask_change(rows: Rows, i: int): ...
-
-    @wp.func_native(
-        "__builtin_prefetch(&b.kin.data[i]);"
-        + ("__builtin_prefetch(&b.spin.data[i]);" if rotation else "")
-        + "__builtin_prefetch(&rows.u.data[i], 1);"
-    )
-    def ask_body(b: Bodies, rows: Rows, i: int): ...
-
     return SimpleNamespace(
         kin=kin,
         spin=spin,
@@ -143,10 +124,4 @@ def compliant_access(precision: str, rotation: bool) -> Any:
         entry=entry,
         change_of=change_of,
         set_change=set_change,
-        geometry_of=geometry_of,
-        impulse_of=impulse_of,
-        set_impulse=set_impulse,
-        put=put,
-        ask_change=ask_change,
-        ask_body=ask_body,
     )

@@ -19,6 +19,7 @@ from dembench.solver.impulse.compliant_rows import (
     CompliantOptions,
     compliant_types,
 )
+from dembench.solver.impulse.compliant_schedule import schedule_functions
 from dembench.solver.impulse.compliant_substeps import stiffness_functions
 from dembench.solver.impulse.compliant_sweep import sweep_function
 from dembench.solver.neighbours import near_functions
@@ -66,6 +67,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     begin, drift, end, load_walls = of_bodies.begin, of_bodies.drift, of_bodies.end, of_bodies.load_walls
     largest_square = of_bodies.fastest
     opening, stiffness, sweep = opening_functions(o), stiffness_functions(o), sweep_function(o)
+    schedule = schedule_functions(o)
+    forget, put_pairs, put_bigs, put_walls = schedule.forget, schedule.pairs, schedule.bigs, schedule.walls
     open_pairs, open_bigs, open_walls = opening.pairs, opening.bigs, opening.walls
     stiff_pairs, stiff_bigs, stiff_walls = stiffness.pairs, stiffness.bigs, stiffness.walls
     joined, rate = stiffness.joined, stiffness.rate
@@ -104,14 +107,6 @@ def compliant_kernel(o: CompliantOptions) -> Any:
             near_count[2 * parts] = pick_big(b, lists, n, total, gap, capacity)
         if wp.static(threads):
             barrier(state, parts)
-
-    @wp.func
-    def shift_of(row: int, place: int):
-        """How far the constants of a segment's rows of walls or large bodies stand from them; see `compliant_types`."""
-        shift = int(0)
-        if wp.static(shared):
-            shift = row - place
-        return shift
 
     @wp.kernel(enable_backward=False, module="unique")
     def advance(
@@ -161,6 +156,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         begin_big, end_big = int(n), int(n)
         if part == 0:
             end_big = total + 0
+        own, bridge = row_base[part] + 0, row_base[parts] + 0
         inside, across, at_walls = 2 * part, 2 * part + 1, part * wall_capacity
         poses, fixed = part * walls.motions.shape[0], total + part
         slot = slots + wp.static(PER_THREAD) * part
@@ -169,7 +165,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         h, made, reach = wp.float64(travel[6]), wp.float64(travel[7]), wp.float64(travel[9])
         left, direction, within = int(state[5]), int(state[6]), int(state[7])
         done, reason, going = int(0), int(DONE), int(1)
-        fresh = int(1)
+        fresh, unscheduled = int(1), int(1)
         substeps_made = wp.float64(0.0)
         fewest, most = int(state[8]), int(state[9])
         deepest = real(0.0)
@@ -277,6 +273,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                 reach = wp.max(reach, h * (fastest_big + h * weight))
             if wp.static(timed):
                 reach = wp.max(reach, h * wall_speed)
+            relisted = int(0)
             if going == 1 and (since_near < zero or two * (since_near + reach) > near_gap):
                 wanted = wp.min(wp.max(near_skin, eight * reach), skin - two * since_build)
                 if wanted < two * reach:
@@ -289,27 +286,95 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                         near_count[across] = pick_near(b, lists, base[across], pair_count[across], wanted)
                         barrier(state, parts)
                     since_near = wp.float64(0.0)
+                    relisted = 1
             if wp.static(bigs):
                 reach_big = reach + h * (fastest_big + h * weight)
                 if going == 1 and (since_big < zero or since_big + reach_big > big_gap):
                     big_gap = wp.max(big_skin, two * reach_big)
                     list_bigs(b, lists, near_count, n, total, big_gap, big_capacity, part, parts, state)
                     since_big = wp.float64(0.0)
+                    relisted = 1
                 if going == 1 and near_count[2 * parts] > big_capacity:
                     reason = int(BIG_OVERFLOW)
                     going = 0
-            if going == 1:
-                shared_rows = int(0)
-                for p in range(parts):
-                    if near_count[2 * p] + wall_count[p] > row_base[p + 1] - row_base[p]:
+            if going == 1 and (relisted == 1 or unscheduled == 1):
+                unscheduled = 0
+                forget(rows, begin_small, end_small)
+                other = put_pairs(
+                    b,
+                    lists,
+                    rows,
+                    base[inside],
+                    near_count[inside],
+                    own,
+                    row_base[part + 1],
+                    fixed,
+                    pair_table,
+                    pair_columns,
+                )
+                own_end = other + 0
+                if wp.static(present):
+                    forget(rows, begin_small, end_small)
+                    forget(rows, begin_big, end_big)
+                    own_end = put_walls(
+                        b,
+                        lists,
+                        rows,
+                        walls,
+                        at_walls,
+                        wall_count[part],
+                        other,
+                        row_base[part + 1],
+                        fixed,
+                        wall_table,
+                        wall_columns,
+                    )
+                state[segments + 2 * part] = other
+                state[segments + 2 * part + 1] = own_end
+                if wp.static(threads):
+                    barrier(state, parts)
+                if part == 0:
+                    bridge_other, bridge_end = bridge + 0, bridge + 0
+                    if wp.static(threads):
+                        forget(rows, 0, total)
+                        for p in range(parts):
+                            bridge_other = put_pairs(
+                                b,
+                                lists,
+                                rows,
+                                base[2 * p + 1],
+                                near_count[2 * p + 1],
+                                bridge_other,
+                                row_base[parts + 1],
+                                fixed,
+                                pair_table,
+                                pair_columns,
+                            )
+                            forget(rows, 0, total)
+                        bridge_end = bridge_other + 0
+                    if wp.static(bigs):
+                        forget(rows, 0, total)
+                        bridge_end = put_bigs(
+                            b,
+                            lists,
+                            rows,
+                            near_count[2 * parts],
+                            n,
+                            total,
+                            bridge_other,
+                            row_base[parts + 1],
+                            fixed,
+                            pair_table,
+                            pair_columns,
+                        )
+                    state[segments + 2 * parts] = bridge_other
+                    state[segments + 2 * parts + 1] = bridge_end
+                if wp.static(threads):
+                    barrier(state, parts)
+                for p in range(parts + 1):
+                    if state[segments + 2 * p + 1] > row_base[p + 1]:
                         reason = int(ROW_OVERFLOW)
                         going = 0
-                    shared_rows += near_count[2 * p + 1]
-                if wp.static(bigs):
-                    shared_rows += near_count[2 * parts]
-                if shared_rows > row_base[parts + 1] - row_base[parts]:
-                    reason = int(ROW_OVERFLOW)
-                    going = 0
             if going == 1:
                 now = dt * (first + wp.float64(done + 1)) - wp.float64(left) * h
                 half = wp.float64(0.5) * h
@@ -320,84 +385,22 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                 for i in range(begin_big, end_big):
                     drift(b, i, half)
                 step, grown = real(h), real(made)
-                own, bridge = row_base[part] + 0, row_base[parts] + 0
-                other, overlap = open_pairs(
-                    b,
-                    lists,
-                    base[inside],
-                    near_count[inside],
-                    one,
-                    pair_table,
-                    pair_columns,
-                    step,
-                    grown,
-                    two * reach,
-                    rows,
-                    own,
-                    0,
-                )
-                deepest = wp.max(deepest, overlap)
-                shift = shift_of(other, at_walls)
-                own_end = other + 0
+                other, own_end = state[segments + 2 * part] + 0, state[segments + 2 * part + 1] + 0
+                deepest = wp.max(deepest, open_pairs(b, lists, rows, own, other, step, grown, two * reach))
                 if wp.static(present):
                     if wp.static(meshes and friction):
                         hand_over(b, lists, walls, poses, at_walls, wall_count[part], wp.float64(0.0))
-                    own_end = open_walls(
-                        b,
-                        lists,
-                        at_walls,
-                        wall_count[part],
-                        walls,
-                        poses,
-                        fixed,
-                        wall_table,
-                        wall_columns,
-                        step,
-                        grown,
-                        real(h * weight),
-                        rows,
-                        other,
-                        shift,
-                    )
-                bridge_other, bridge_end, bridge_shift = bridge + 0, bridge + 0, int(0)
+                    open_walls(b, lists, rows, other, own_end, walls, poses, step, grown, real(h * weight))
+                bridge_other = state[segments + 2 * parts] + 0
+                bridge_end = state[segments + 2 * parts + 1] + 0
                 if wp.static(threads):
                     barrier(state, parts)
                 if part == 0:
                     if wp.static(threads):
-                        for p in range(parts):
-                            bridge_other, overlap = open_pairs(
-                                b,
-                                lists,
-                                base[2 * p + 1],
-                                near_count[2 * p + 1],
-                                one,
-                                pair_table,
-                                pair_columns,
-                                step,
-                                grown,
-                                two * reach,
-                                rows,
-                                bridge_other,
-                                0,
-                            )
-                            deepest = wp.max(deepest, overlap)
-                    bridge_end = bridge_other + 0
+                        overlap = open_pairs(b, lists, rows, bridge, bridge_other, step, grown, two * reach)
+                        deepest = wp.max(deepest, overlap)
                     if wp.static(bigs):
-                        bridge_shift = shift_of(bridge_other, parts * wall_capacity)
-                        bridge_end, overlap = open_bigs(
-                            b,
-                            lists,
-                            near_count[2 * parts],
-                            n,
-                            total,
-                            pair_table,
-                            pair_columns,
-                            step,
-                            grown,
-                            rows,
-                            bridge_other,
-                            bridge_shift,
-                        )
+                        overlap = open_bigs(b, lists, rows, bridge_other, bridge_end, step, grown)
                         deepest = wp.max(deepest, overlap)
                 visited = int(BRIDGE)
                 for s in range(sweeps):
@@ -413,21 +416,17 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                                 barrier(state, parts)
                         visited = kind + 0
                         if kind == OWN:
-                            sweep(rows, own, other, own_end, shift, one, step, reverse, last, kind, lists)
+                            for half_way in range(2):
+                                if half_way == reverse:
+                                    sweep(rows, lists.memory, own, other, step, reverse, last)
+                                else:
+                                    sweep(rows, lists.wall_memory, other, own_end, step, reverse, last)
                         elif part == 0:
-                            sweep(
-                                rows,
-                                bridge,
-                                bridge_other,
-                                bridge_end,
-                                bridge_shift,
-                                one,
-                                step,
-                                reverse,
-                                last,
-                                kind,
-                                lists,
-                            )
+                            for half_way in range(2):
+                                if half_way == reverse:
+                                    sweep(rows, lists.memory, bridge, bridge_other, step, reverse, last)
+                                else:
+                                    sweep(rows, lists.big_memory, bridge_other, bridge_end, step, reverse, last)
                 if wp.static(threads):
                     if visited == BRIDGE:
                         barrier(state, parts)
@@ -435,11 +434,6 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     if within == 0:
                         clear_loads(walls, part)
                     load_walls(b, lists, walls, part, rows, other, own_end, dt)
-                state[segments + 2 * part] = other
-                state[segments + 2 * part + 1] = own_end
-                if part == 0:
-                    state[segments + 2 * parts] = bridge_other
-                    state[segments + 2 * parts + 1] = bridge_end
                 before, before_big = fastest + zero, fastest_big + zero
                 fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
                 for i in range(begin_small, end_small):

@@ -7,8 +7,8 @@ import warp as wp
 
 from dembench.scene import Rigid, Scene, features
 from dembench.solver.guard import SolverError
-from dembench.solver.impulse.compliant_contacts import Segment, touching
-from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_types
+from dembench.solver.impulse.compliant_contacts import Segment, open_rows, touching
+from dembench.solver.impulse.compliant_rows import A, B, C, CompliantOptions, compliant_types
 from dembench.solver.impulse.compliant_step import (
     FLAGS,
     PER_SEGMENT,
@@ -17,6 +17,7 @@ from dembench.solver.impulse.compliant_step import (
     compliant_kernel,
 )
 from dembench.solver.inspection import Touching
+from dembench.solver.lanes import LANES
 from dembench.solver.laws import LawOptions
 from dembench.solver.pairs import PairTables
 from dembench.solver.returns import BIG_OVERFLOW, NOT_FINITE, REBUILD, ROW_OVERFLOW
@@ -75,7 +76,7 @@ class CompliantImpulses:
         self._flags = wp.zeros(FLAGS + PER_SEGMENT * (state.parts + 1), dtype=wp.int32, device="cpu")
         self._travel = wp.zeros(TRAVEL + PER_THREAD * state.parts, dtype=wp.float64, device="cpu")
         self._steps = 0
-        self._allocate(np.full(state.parts + 1, 64))
+        self._allocate(np.full(state.parts + 1, 8))
 
     def prepare(self, first: int = 0) -> None:
         """Builds the lists of the state after `first` steps; springs grow again from the next substep on."""
@@ -117,7 +118,8 @@ class CompliantImpulses:
             self._allocate(np.diff(self._row_base.numpy()))
             travel[2] = -1.0
         elif reason == ROW_OVERFLOW:
-            self._allocate((1.2 * self._candidates()).astype(int) + 64)
+            needed = flags[FLAGS + 1 :: PER_SEGMENT] - self._row_base.numpy()[:-1]
+            self._allocate((1.2 * needed).astype(int) + 8)
         return done
 
     def largest_overlap(self) -> float:
@@ -128,7 +130,7 @@ class CompliantImpulses:
         """Rows of the last substep; fewest, mean and most substeps of a step."""
         flags, travel = self._flags.numpy(), self._travel.numpy()
         return {
-            "rows": sum(s.end - s.begin for s in self._segments()),
+            "rows": len(open_rows(self._segments(), self._rows)),
             "fewest substeps of a step": int(flags[8]),
             "mean substeps of a step": float(travel[8]) / max(1, self._steps),
             "most substeps of a step": int(flags[9]),
@@ -136,33 +138,13 @@ class CompliantImpulses:
 
     def contacts(self) -> Touching:
         """Contacts with the forces of the last substep; none before the first step and after a change from outside."""
-        t = self._tables
-        return touching(
-            self._options,
-            self._segments(),
-            self.state,
-            self._rows,
-            t.pairs,
-            t.pair_columns,
-            float(self._travel.numpy()[7]),
-        )
+        made = float(self._travel.numpy()[7])
+        return touching(self._options, self._segments(), self.state, self._rows, made)
 
     def _segments(self) -> list[Segment]:
-        """The rows of the last substep."""
-        s = self.state
+        """Where the rows of the last substep stand."""
         begin, marks = self._row_base.numpy(), self._flags.numpy()[FLAGS:].reshape(-1, PER_SEGMENT)
-        shared = self._options.shared
-        return [
-            Segment(int(begin[k]), int(other), int(end), k < s.parts, int(other) - k * s.wall_capacity if shared else 0)
-            for k, (other, end) in enumerate(marks)
-        ]
-
-    def _candidates(self) -> np.ndarray:
-        """Rows that each segment may have, shape (parts + 1,)."""
-        s = self.state
-        near = s.near_count.numpy()
-        bridge = near[1 : 2 * s.parts : 2].sum() + (near[-1] if s.big_rows else 0)
-        return np.append(near[0 : 2 * s.parts : 2] + s.wall_count.numpy(), bridge)
+        return [Segment(int(begin[k]), int(m[0]), int(m[1]), k < self.state.parts) for k, m in enumerate(marks)]
 
     def _rebuild(self, time: float) -> None:
         """Lists with room for the next substeps at the present speeds, at a time [scene units]."""
@@ -172,7 +154,7 @@ class CompliantImpulses:
         s.place_walls(time)
         s.rebuild()
         travel[:3] = 0.0, -1.0, -1.0
-        if len(self._rows.u) < s.total + s.parts or len(self._rows.c) < self._constants():
+        if len(self._rows.u) < s.total + s.parts:
             self._allocate(np.diff(self._row_base.numpy()))
         self._forget_rows()
 
@@ -180,22 +162,19 @@ class CompliantImpulses:
         """There are no rows: those of the last substep refer to an order that is gone."""
         self._flags.numpy()[FLAGS:] = np.repeat(self._row_base.numpy()[:-1], PER_SEGMENT)
 
-    def _constants(self) -> int:
-        """Room that rows need which do not share their constants."""
-        s = self.state
-        if not self._options.shared:
-            return int(self._row_base.numpy()[-1])
-        return s.parts * s.wall_capacity + (s.big_capacity if s.big_rows else 0)
-
     def _allocate(self, room: np.ndarray) -> None:
-        """Room for the rows of every segment, shape (parts + 1,)."""
-        s, rows, vec8 = self.state, self._rows, self.state.types.vec8
+        """Room for the blocks of rows of every segment, shape (parts + 1,)."""
+        s, rows, real = self.state, self._rows, self.state.types.real
         self._row_base = wp.array(np.append(0, np.cumsum(room)), dtype=wp.int32, device="cpu")
-        n = int(room.sum())
-        for name, kind in (("i", wp.int32), ("j", wp.int32), ("slot", wp.int32), ("a", vec8), ("b", vec8)):
-            setattr(rows, name, wp.zeros(n, dtype=kind, device="cpu"))
-        rows.c = wp.zeros(self._constants(), dtype=s.types.PairClass, device="cpu")
-        rows.u = wp.zeros(s.total + s.parts, dtype=vec8, device="cpu")
+        lanes = int(room.sum()) * LANES
+        for name in ("i", "j", "slot"):
+            setattr(rows, name, wp.zeros(lanes, dtype=wp.int32, device="cpu"))
+        for name, numbers in (("a", A), ("b", B), ("c", C)):
+            setattr(rows, name, wp.zeros(lanes * numbers, dtype=real, device="cpu"))
+        fixed = s.total + s.parts
+        rows.u = wp.zeros(fixed, dtype=s.types.vec8, device="cpu")
+        rows.mask = wp.zeros(fixed, dtype=wp.uint64, device="cpu")
+        rows.stamp = wp.zeros(fixed, dtype=wp.int32, device="cpu")
         self._forget_rows()
 
 

@@ -20,14 +20,8 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import (
-    AHEAD,
-    OWN,
-    CompliantOptions,
-    compliant_access,
-    compliant_types,
-)
-from dembench.solver.impulse.exchange import impulse_function
+from dembench.solver.impulse.compliant_rows import A, B, C, CompliantOptions, compliant_types
+from dembench.solver.lanes import prelude
 from dembench.solver.types import types
 
 NEWTON = 2
@@ -38,218 +32,160 @@ speeds between them: 1/6 of (h omega)^2 less in a linear contact, where the subs
 its longer contact; 1/8 measured for Hertz contacts of any restitution."""
 
 
-@cache
-def visit_function(o: CompliantOptions) -> Any:
-    """One visit of a row as a Warp function (a, b, ui, uj, c, h) -> (impulse, n x change, change, spring, touches).
+# The mean elastic force on the way between two overlaps (negative: gaps), its derivative by the second, the mean over
+# the way of the power 1/4 of the overlap, and the mean tangent stiffness that goes with it; `part` is that of the way
+# on which the two touch.
+_NORMAL = """
+auto part_of = [&](F before, F after) {
+    F deeper = larger(larger(before, after), zero), span = larger(before, after) - smaller(before, after);
+    return smaller(before, after) > 0 ? one : deeper > 0 ? deeper / span : zero;
+};
+auto normal_law = [&](F before, F after, F& force, F& slope, F& quarter, F& stiffness) {
+    F d0 = larger(before, zero), d1 = larger(after, zero), deeper = larger(d0, d1), part = part_of(before, after);
+    auto inside = smaller(before, after) > 0;
+    F span = after - before;
+    span = span == 0 ? one : span;
+    if constexpr (linear) {
+        force = inside ? kn * (before + after) / 2 : kn * deeper * part / 2;
+        slope = inside ? kn / 2 : (after > 0 ? kn * d1 - force : -force) / span;
+        quarter = part;
+        stiffness = kn * part;
+    } else {
+        F s0 = root(d0), s1 = root(d1), both = s0 * s1;
+        F inverse = inside ? 1 / (s0 + s1) : zero, share = real(0.4) * kn * inverse;
+        F rest = root(inside ? (before + after) / 2 : deeper);
+        force = inside ? share * (d1 * d1 + d0 * d0 + both * (d0 + d1 + both)) : real(0.4) * kn * deeper * rest * part;
+        F within = share * inverse * (d1 * (real(1.5) * s1 + 3 * s0) + d0 * (2 * s1 + s0));
+        slope = inside ? within : (after > 0 ? kn * d1 * s1 - force : -force) / span;
+        quarter = root(rest) * (inside ? one : real(0.8) * part);
+        stiffness = real(1.5) * kn * rest * part;
+    }
+};
+"""
 
-    a, b, ui, uj: see `compliant_types`; c: constants of the pair; h: substep. The impulse is on i, change what it has
-    gained, spring what it leaves: together with the sliding in the second half of the substep it is the spring of its
-    end.
+# The velocities of the two bodies of each lane, what they gain from the change of impulse, and the spring that is left.
+_SWEEP = (
     """
-    t = types(o.law.precision)
-    real, vec3, vec8, PairClass = t.real, t.vec3, t.vec8, t.PairClass
-    friction, linear, no_tension = o.law.friction, o.law.linear, o.law.no_tension
-    squares = wp.constant(SQUARES["linear" if linear else "hertz"])
+F zero = full(0), one = full(1);
+for (int q = first; q < end; ++q) {
+    int block = reverse ? first + end - 1 - q : q;
+    int next = reverse ? (block > first ? block - 1 : block) : (block + 1 < end ? block + 1 : block);
+    const int *i = rows.i.data + block * W, *j = rows.j.data + block * W;
+    for (int k = 0; k < W; ++k) {
+        __builtin_prefetch(&rows.u.data[rows.i.data[next * W + k]], 1);
+        __builtin_prefetch(&rows.u.data[rows.j.data[next * W + k]], 1);
+    }
+    const real *a = rows.a.data + block * (A * W), *c = rows.c.data + block * (C * W);
+    real *b = rows.b.data + block * (B * W), *u = (real*)rows.u.data;
 
-    @wp.func
-    def touching_share(before: real, after: real):
-        """The part of a way on which the two touch, by the overlaps at its ends (negative: gaps)."""
-        share = real(1.0)
-        if wp.min(before, after) <= real(0.0):
-            deeper = wp.max(wp.max(before, after), real(0.0))
-            share = real(0.0)
-            if deeper > real(0.0):
-                share = deeper / wp.abs(after - before)
-        return share
+    F ui0 = of(u, i, 8, 0), ui1 = of(u, i, 8, 1), ui2 = of(u, i, 8, 2), mi = of(u, i, 8, 3);
+    F uj0 = of(u, j, 8, 0), uj1 = of(u, j, 8, 1), uj2 = of(u, j, 8, 2), mj = of(u, j, 8, 3);
+    F n0 = at(a), n1 = at(a + W), n2 = at(a + 2 * W), overlap = at(a + 3 * W);
+    F start0 = at(a + 4 * W), start1 = at(a + 5 * W), start2 = at(a + 6 * W);
+    F old0 = at(b + 4 * W), old1 = at(b + 5 * W), old2 = at(b + 6 * W);
+    F kn = at(c), dn = at(c + 2 * W);
 
-    @wp.func
-    def normal_law(c: PairClass, before: real, after: real):
-        """Mean elastic force on the way between two overlaps (negative: gaps), its derivative by the second, the mean
-        over the way of the power 1/4 of the overlap, and the mean tangent stiffness that goes with it."""
-        zero, half = real(0.0), real(0.5)
-        force, slope, quarter, stiffness = zero, zero, zero, zero
-        deeper = wp.max(before, after)
-        if wp.min(before, after) > zero:
-            if wp.static(linear):
-                force = half * c.kn * (before + after)
-                slope = half * c.kn
-                quarter = real(1.0)
-                stiffness = c.kn
-            else:
-                s0, s1 = wp.sqrt(before), wp.sqrt(after)
-                inverse = real(1.0) / (s0 + s1)
-                both = s0 * s1
-                share = real(0.4) * c.kn * inverse
-                force = share * (after * after + before * before + both * (before + after + both))
-                cubes = after * (real(1.5) * s1 + real(3.0) * s0) + before * (real(2.0) * s1 + s0)
-                slope = share * inverse * cubes
-                root = wp.sqrt(half * (before + after))
-                quarter = wp.sqrt(root)
-                stiffness = real(1.5) * c.kn * root
-        elif deeper > zero:
-            # they touch on a part of the way only
-            span = after - before
-            part = touching_share(before, after)
-            if wp.static(linear):
-                force = half * c.kn * deeper * part
-                slope = -force / span
-                if after > zero:
-                    slope = (c.kn * after - force) / span
-                quarter = part
-                stiffness = c.kn * part
-            else:
-                root = wp.sqrt(deeper)
-                force = real(0.4) * c.kn * deeper * root * part
-                slope = -force / span
-                if after > zero:
-                    slope = (c.kn * after * root - force) / span
-                quarter = real(0.8) * part * wp.sqrt(root)
-                stiffness = real(1.5) * c.kn * root * part
-        return force, slope, quarter, stiffness
-
-    @wp.func
-    def visit(a: vec8, b: vec8, ui: vec8, uj: vec8, c: PairClass, h: real):
-        zero, half = real(0.0), real(0.5)
-        n = vec3(a[0], a[1], a[2])
-        overlap, ai, aj = a[3], a[7], b[3]
-        old = vec3(b[4], b[5], b[6])
-        g = vec3(a[4] + ui[0] - uj[0], a[5] + ui[1] - uj[1], a[6] + ui[2] - uj[2])
-        if wp.static(friction):
-            s = vec3(ai * ui[4] + aj * uj[4], ai * ui[5] + aj * uj[5], ai * ui[6] + aj * uj[6])
-            g = g + wp.cross(n, s)
-        vn = wp.dot(g, n)
-        w = ui[3] + uj[3]
-        normal_old = wp.dot(old, n)
-        free = vn - w * normal_old
-        start = vec3(a[4], a[5], a[6])
-        before = wp.dot(start, n)
-        ahead = half * h
-        first = overlap + ahead * before
-
-        v, force, quarter = vn + zero, zero, zero
-        for _k in range(wp.static(NEWTON)):
-            value, slope, quarter, stiffness = normal_law(c, first, overlap - ahead * v)
-            dashpot = c.dn * quarter * (real(1.0) + real(squares) * h * h * w * stiffness)
-            value = value - dashpot * half * (before + v)
-            slope = half * (h * slope + dashpot)
-            step = (free + w * h * value - v) / (real(1.0) + w * h * slope)
-            force = value - slope * step
-            v = v + step
-        if wp.static(no_tension):
-            force = wp.max(force, zero)
-        p = (h * force) * n
-        xi = vec3()
-        if wp.static(friction):
-            xi = vec3(b[0], b[1], b[2])
-            lt = old - normal_old * n
-            wt = w + ai * ai * ui[7] + aj * aj * uj[7]
-            slid = start - before * n
-            slip = g - vn * n - wt * lt
-            left = overlap - ahead * v
-            kt = zero
-            touching = touching_share(first, left)
-            if wp.static(linear):
-                kt = touching * c.kt
-            elif left > zero:
-                kt = touching * c.kt * wp.sqrt(left)
-            resist = half * touching * kt * h + c.dt * quarter
-            lt = (kt * xi + half * resist * (slid + slip)) * (-h / (real(1.0) + ahead * resist * wt))
-            end = xi + touching * ahead * (slid + slip + wt * lt)
-            bound = c.mu * wp.abs(force)
-            stretched = kt * kt * wp.dot(end, end)
-            if bound == zero:
-                # also where no spring is stretched any more: a dashpot needs friction, too
-                end = vec3()
-                lt = vec3()
-            elif stretched > bound * bound:
-                end = end * (bound / wp.sqrt(stretched))
-                lt = end * (-h * kt)
-            xi = end - ahead * (slip + wt * lt)
-            p = p + lt
-        change = p - old
-        touches = real(0.0)
-        if overlap - ahead * v > zero:
-            touches = real(1.0)
-        return p, wp.cross(n, change), change, xi, touches
-
-    return visit
+    F g0 = start0 + ui0 - uj0, g1 = start1 + ui1 - uj1, g2 = start2 + ui2 - uj2;
+    F ai, aj, wi0, wi1, wi2, wj0, wj1, wj2, ti, tj;
+    if constexpr (friction) {
+        ai = at(a + 7 * W); aj = at(b + 3 * W);
+        wi0 = of(u, i, 8, 4); wi1 = of(u, i, 8, 5); wi2 = of(u, i, 8, 6); ti = of(u, i, 8, 7);
+        wj0 = of(u, j, 8, 4); wj1 = of(u, j, 8, 5); wj2 = of(u, j, 8, 6); tj = of(u, j, 8, 7);
+        F s0 = ai * wi0 + aj * wj0, s1 = ai * wi1 + aj * wj1, s2 = ai * wi2 + aj * wj2;
+        g0 += n1 * s2 - n2 * s1; g1 += n2 * s0 - n0 * s2; g2 += n0 * s1 - n1 * s0;
+    }
+    F vn = g0 * n0 + g1 * n1 + g2 * n2, w = mi + mj, normal_old = old0 * n0 + old1 * n1 + old2 * n2;
+    F free = vn - w * normal_old, before = start0 * n0 + start1 * n1 + start2 * n2;
+    real ahead = h / 2;
+"""
+    + _NORMAL
+    + """
+    F from = overlap + ahead * before, v = vn, force, quarter, slope, stiffness, value;
+    for (int k = 0; k < newton; ++k) {
+        normal_law(from, overlap - ahead * v, value, slope, quarter, stiffness);
+        F dashpot = dn * quarter * (1 + squares * h * h * w * stiffness);
+        value -= dashpot * (before + v) / 2;
+        slope = (h * slope + dashpot) / 2;
+        F step = (free + w * h * value - v) / (1 + w * h * slope);
+        force = value - slope * step;
+        v += step;
+    }
+    if constexpr (no_tension) force = larger(force, zero);
+    F p0 = h * force * n0, p1 = h * force * n1, p2 = h * force * n2;
+    if constexpr (friction) {
+        F x0 = at(b), x1 = at(b + W), x2 = at(b + 2 * W), kt = at(c + W), dt = at(c + 3 * W), mu = at(c + 4 * W);
+        F wt = w + ai * ai * ti + aj * aj * tj, left = overlap - ahead * v, touching = part_of(from, left);
+        F l0 = old0 - normal_old * n0, l1 = old1 - normal_old * n1, l2 = old2 - normal_old * n2;
+        F slip0 = g0 - vn * n0 - wt * l0, slip1 = g1 - vn * n1 - wt * l1, slip2 = g2 - vn * n2 - wt * l2;
+        F way0 = start0 - before * n0 + slip0, way1 = start1 - before * n1 + slip1, way2 = start2 - before * n2 + slip2;
+        kt *= linear ? touching : touching * root(larger(left, zero));
+        F resist = touching * kt * h / 2 + dt * quarter, give = -h / (1 + ahead * resist * wt);
+        l0 = (kt * x0 + resist * way0 / 2) * give;
+        l1 = (kt * x1 + resist * way1 / 2) * give;
+        l2 = (kt * x2 + resist * way2 / 2) * give;
+        F e0 = x0 + touching * ahead * (way0 + wt * l0);
+        F e1 = x1 + touching * ahead * (way1 + wt * l1);
+        F e2 = x2 + touching * ahead * (way2 + wt * l2);
+        F bound = mu * (force < 0 ? -force : force), stretched = kt * kt * (e0 * e0 + e1 * e1 + e2 * e2);
+        // without a normal force there is neither spring nor dashpot
+        auto slides = stretched > bound * bound;
+        F shrunk = bound > 0 ? (slides ? bound / root(stretched) : one) : zero;
+        e0 *= shrunk; e1 *= shrunk; e2 *= shrunk;
+        auto held = (bound > 0) & slides;
+        l0 = held ? -h * kt * e0 : bound > 0 ? l0 : zero;
+        l1 = held ? -h * kt * e1 : bound > 0 ? l1 : zero;
+        l2 = held ? -h * kt * e2 : bound > 0 ? l2 : zero;
+        p0 += l0; p1 += l1; p2 += l2;
+        if (last) {
+            real* kept = (real*)memory.data;
+            F touches = left > 0 ? one : zero;
+            e0 -= ahead * (slip0 + wt * l0); e1 -= ahead * (slip1 + wt * l1); e2 -= ahead * (slip2 + wt * l2);
+            for (int k = 0; k < W; ++k) {
+                int slot = rows.slot.data[block * W + k];
+                if (slot >= 0) {
+                    kept[4 * slot] = e0[k]; kept[4 * slot + 1] = e1[k]; kept[4 * slot + 2] = e2[k];
+                    kept[4 * slot + 3] = touches[k];
+                }
+            }
+        }
+    }
+    to(b + 4 * W, p0); to(b + 5 * W, p1); to(b + 6 * W, p2);
+    p0 -= old0; p1 -= old1; p2 -= old2;
+    into(u, i, 8, 0, ui0 + mi * p0); into(u, i, 8, 1, ui1 + mi * p1); into(u, i, 8, 2, ui2 + mi * p2);
+    into(u, j, 8, 0, uj0 - mj * p0); into(u, j, 8, 1, uj1 - mj * p1); into(u, j, 8, 2, uj2 - mj * p2);
+    if constexpr (friction) {
+        F r0 = n1 * p2 - n2 * p1, r1 = n2 * p0 - n0 * p2, r2 = n0 * p1 - n1 * p0;
+        ti *= ai; tj *= aj;
+        into(u, i, 8, 4, wi0 - ti * r0); into(u, i, 8, 5, wi1 - ti * r1); into(u, i, 8, 6, wi2 - ti * r2);
+        into(u, j, 8, 4, wj0 - tj * r0); into(u, j, 8, 5, wj1 - tj * r1); into(u, j, 8, 6, wj2 - tj * r2);
+    }
+}
+"""
+)
 
 
 @cache
 def sweep_function(o: CompliantOptions) -> Any:
-    """A Warp function (rows, first, other, end, ...) that visits the rows of a segment once, either way.
+    """A Warp function (rows, memory, first, end, h, reverse, last) that visits the rows of blocks once, either way.
 
-    Rows first..other are those of pairs of small bodies, rows other..end those of walls or, in the bridge, of large
-    bodies; pairs that share their constants have `one`, see `compliant_types` for those of others. In the last sweep of
-    a substep the springs are remembered.
+    In the last sweep of a substep the springs are remembered in `memory`, with whether the two touch.
     """
     t = types(o.law.precision)
-    real, vec4, vec8, PairClass, Lists = t.real, t.vec4, t.vec8, t.PairClass, t.Lists
     Rows = compliant_types(o.law.precision)
-    native = compliant_access(o.law.precision, o.rotation)
-    entry, change_of, set_change = native.entry, native.change_of, native.set_change
-    geometry_of, impulse_of, set_impulse, set_memory = (
-        native.geometry_of,
-        native.impulse_of,
-        native.set_impulse,
-        native.set_memory,
+    squares = SQUARES["linear" if o.law.linear else "hertz"]
+    constants = prelude(
+        o.law.precision,
+        A=A,
+        B=B,
+        C=C,
+        newton=NEWTON,
+        squares=squares,
+        friction=o.law.friction,
+        linear=o.law.linear,
+        no_tension=o.law.no_tension,
     )
-    ask_change = native.ask_change
-    visit, after = visit_function(o), impulse_function(o.law.precision)
-    shared, friction = o.shared, o.law.friction
 
-    @wp.func
-    def sweep(
-        rows: Rows,
-        first: int,
-        other: int,
-        end: int,
-        shift: int,
-        one: PairClass,
-        h: real,
-        reverse: int,
-        last: int,
-        kind: int,
-        lists: Lists,
-    ):
-        current = int(-1)
-        ui = vec8()
-        for q in range(first, end):
-            r = q
-            ahead = wp.min(q + AHEAD, end - 1)
-            if reverse == 1:
-                r = end - 1 + first - q
-                ahead = end - 1 + first - ahead
-            ask_change(rows, entry(rows.j, ahead))
-            i, j = entry(rows.i, r), entry(rows.j, r)
-            if i != current:
-                if current >= 0:
-                    set_change(rows, current, ui)
-                current = i + 0
-                ui = change_of(rows, i)
-            uj = change_of(rows, j)
-            a, b = geometry_of(rows, r), impulse_of(rows, r)
-            c = one
-            if wp.static(shared):
-                if r >= other:
-                    c = rows.c[r - shift]
-            else:
-                c = rows.c[r - shift]
-            p, turn, change, xi, touches = visit(a, b, ui, uj, c, h)
-            ui = after(ui, change, turn, a[7])
-            set_change(rows, j, after(uj, -change, turn, b[3]))
-            set_impulse(rows, r, vec8(b[0], b[1], b[2], b[3], p[0], p[1], p[2], real(0.0)))
-            if wp.static(friction):
-                if last == 1:
-                    kept = vec4(xi[0], xi[1], xi[2], touches)
-                    slot = entry(rows.slot, r)
-                    if r < other:
-                        set_memory(lists.memory, slot, kept)
-                    elif kind == OWN:
-                        set_memory(lists.wall_memory, slot, kept)
-                    else:
-                        set_memory(lists.big_memory, slot, kept)
-        if current >= 0:
-            set_change(rows, current, ui)
+    @wp.func_native(constants + _SWEEP)
+    def sweep(rows: Rows, memory: wp.array(dtype=t.vec4), first: int, end: int, h: t.real, reverse: int, last: int): ...
 
     return sweep
