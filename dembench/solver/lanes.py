@@ -13,15 +13,12 @@ LANES = 16
 def prelude(precision: str, **constants: bool | int | float) -> str:
     """C++ that declares the vector types, access to arrays by lanes, and compile-time constants by name.
 
-    at(p), to(p, x): lanes that stand side by side. of(p, n, size, f): entry f of the rows n[lane] of an array, whose
-    rows have `size` entries; into(p, n, size, f, x) writes them. larger, smaller, root: by lanes.
+    at(p), to(p, x): lanes that stand side by side. rows4, rows8, doubles8(p, n, f): the rows n[lane] of an array whose
+    rows have 4 or 8 entries, entry k of all of them in f[k]; put8(p, n, f) writes them. larger, smaller, root: by lanes.
     """
     real = {"float32": "float", "float64": "double"}[types(precision).precision]
-    lanes = range(LANES)
     kinds = {bool: "bool", int: "int", float: "real"}
     declared = "\n".join(f"constexpr {kinds[type(v)]} {name} = {str(v).lower()};" for name, v in constants.items())
-    gathered = ", ".join(f"p[size * n[{k}] + f]" for k in lanes)
-    scattered = " ".join(f"p[size * n[{k}] + f] = x[{k}];" for k in lanes)
     return f"""
 typedef {real} real;
 constexpr int W = {LANES};
@@ -31,10 +28,47 @@ typedef double D __attribute__((vector_size(W * sizeof(double)), aligned(sizeof(
 auto full = [](real x) {{ return F{{}} + x; }};
 auto at = [](const real* p) {{ F x; __builtin_memcpy(&x, p, sizeof(F)); return x; }};
 auto to = [](real* p, F x) {{ __builtin_memcpy(p, &x, sizeof(F)); }};
-auto of = [](const real* p, const int* n, int size, int f) {{ return F{{{gathered}}}; }};
-auto of_double = [](const double* p, const int* n, int size, int f) {{ return D{{{gathered}}}; }};
-auto into = [](real* p, const int* n, int size, int f, F x) {{ {scattered} }};
 auto larger = [](auto a, auto b) {{ return a > b ? a : b; }};
 auto smaller = [](auto a, auto b) {{ return a < b ? a : b; }};
 auto root = [](auto a) {{ return __builtin_elementwise_sqrt(a); }};
+{_gather("rows4", "real", "F", 4)}
+{_gather("rows8", "real", "F", 8)}
+{_gather("doubles8", "double", "D", 8)}
+auto put8 = [](real* p, const int* n, F* f) {{
+    {_turned(8)}
+    for (int k = 0; k < 8; ++k)
+        for (int g = 0; g < W / 8; ++g)
+            __builtin_memcpy(p + 8 * n[k + 8 * g], (char*)&f[k] + g * 8 * sizeof(real), 8 * sizeof(real));
+}};
 """
+
+
+def _gather(name: str, real: str, vector: str, size: int) -> str:
+    """A function that loads rows of `size` entries, as many side by side as fit, and turns them."""
+    return f"""auto {name} = [](const {real}* p, const int* n, {vector}* f) {{
+    for (int k = 0; k < {size}; ++k)
+        for (int g = 0; g < W / {size}; ++g)
+            __builtin_memcpy((char*)&f[k] + g * {size} * sizeof({real}), p + {size} * n[k + {size} * g], {size} * sizeof({real}));
+    {_turned(size)}
+}};"""
+
+
+def _turned(size: int) -> str:
+    """Turns squares of `size` x `size` numbers that stand side by side in f[0] to f[size - 1]: entries become lanes.
+
+    Two vectors whose numbers differ in one bit exchange what stands in the places that have the bit, and those without.
+    """
+    lines = []
+    bit = 1
+    while bit < size:
+        low = ", ".join(str(q if not q & bit else LANES + q - bit) for q in range(LANES))
+        high = ", ".join(str(q + bit if not q & bit else LANES + q) for q in range(LANES))
+        for k in range(size):
+            if not k & bit:
+                a, b = f"f[{k}]", f"f[{k | bit}]"
+                lines.append(
+                    f"{{ auto x = __builtin_shufflevector({a}, {b}, {low}); "
+                    f"{b} = __builtin_shufflevector({a}, {b}, {high}); {a} = x; }}"
+                )
+        bit *= 2
+    return "\n    ".join(lines)

@@ -51,19 +51,20 @@ for (int block = first; block < end; ++block) {
             __builtin_prefetch(kin + 8 * next);
             __builtin_prefetch(&rows.u.data[next], 1);
         }
-    D d0 = of_double(kin, bi, 8, 0) - of_double(kin, bj, 8, 0);
-    D d1 = of_double(kin, bi, 8, 1) - of_double(kin, bj, 8, 1);
-    D d2 = of_double(kin, bi, 8, 2) - of_double(kin, bj, 8, 2);
+    D ki[8], kj[8];
+    doubles8(kin, bi, ki);
+    doubles8(kin, bj, kj);
+    D d0 = ki[0] - kj[0], d1 = ki[1] - kj[1], d2 = ki[2] - kj[2];
     if constexpr (periodic) {
         d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
         d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
         d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
     }
-    F v0 = __builtin_convertvector(of_double(kin, bi, 8, 3) - of_double(kin, bj, 8, 3), F);
-    F v1 = __builtin_convertvector(of_double(kin, bi, 8, 4) - of_double(kin, bj, 8, 4), F);
-    F v2 = __builtin_convertvector(of_double(kin, bi, 8, 5) - of_double(kin, bj, 8, 5), F);
+    F v0 = __builtin_convertvector(ki[3] - kj[3], F);
+    F v1 = __builtin_convertvector(ki[4] - kj[4], F);
+    F v2 = __builtin_convertvector(ki[5] - kj[5], F);
     D ri = D{} + bodies.radius, rj = ri;
-    if constexpr (radii) { ri = of_double(kin, bi, 8, 6); rj = of_double(kin, bj, 8, 6); }
+    if constexpr (radii) { ri = ki[6]; rj = kj[6]; }
     D sum = ri + rj, r2 = d0 * d0 + d1 * d1 + d2 * d2;
     F near = __builtin_convertvector((sum + reach) * (sum + reach) - r2, F);
     // (sum^2 - r^2)/(sum + r) keeps the overlap exact in single precision where sum - r would not
@@ -86,13 +87,14 @@ for (int block = first; block < end; ++block) {
         real* memory = (real*)lists.memory.data;
         ai = __builtin_convertvector(ri, F); aj = __builtin_convertvector(rj, F);
         if constexpr (!rescaled) { ai -= overlap / 2; aj -= overlap / 2; }
-        F s0 = ai * of(w, bi, 4, 0) + aj * of(w, bj, 4, 0);
-        F s1 = ai * of(w, bi, 4, 1) + aj * of(w, bj, 4, 1);
-        F s2 = ai * of(w, bi, 4, 2) + aj * of(w, bj, 4, 2);
+        F wi[4], wj[4], m[4];
+        rows4(w, bi, wi);
+        rows4(w, bj, wj);
+        rows4(memory, kept, m);
+        F s0 = ai * wi[0] + aj * wj[0], s1 = ai * wi[1] + aj * wj[1], s2 = ai * wi[2] + aj * wj[2];
         v0 += n1 * s2 - n2 * s1; v1 += n2 * s0 - n0 * s2; v2 += n0 * s1 - n1 * s0;
         F t0 = v0 - vn * n0, t1 = v1 - vn * n1, t2 = v2 - vn * n2;
-        F x0 = of(memory, kept, 4, 0), x1 = of(memory, kept, 4, 1), x2 = of(memory, kept, 4, 2);
-        F met = of(memory, kept, 4, 3);
+        F x0 = m[0], x1 = m[1], x2 = m[2], met = m[3];
         real grows = grown / 2;
         if constexpr (rescaled) {
             F along = x0 * n0 + x1 * n1 + x2 * n2, size = root(x0 * x0 + x1 * x1 + x2 * x2);
@@ -119,17 +121,18 @@ for (int block = first; block < end; ++block) {
     to(a, n0); to(a + W, n1); to(a + 2 * W, n2); to(a + 3 * W, open ? mean : full(-far));
     to(a + 4 * W, v0); to(a + 5 * W, v1); to(a + 6 * W, v2);
     to(b + 4 * W, p0); to(b + 5 * W, p1); to(b + 6 * W, p2);
-    F mi = of(u, i, 8, 3), mj = of(u, j, 8, 3);
-    into(u, i, 8, 0, of(u, i, 8, 0) + mi * p0); into(u, j, 8, 0, of(u, j, 8, 0) - mj * p0);
-    into(u, i, 8, 1, of(u, i, 8, 1) + mi * p1); into(u, j, 8, 1, of(u, j, 8, 1) - mj * p1);
-    into(u, i, 8, 2, of(u, i, 8, 2) + mi * p2); into(u, j, 8, 2, of(u, j, 8, 2) - mj * p2);
+    F ui[8], uj[8];
+    rows8(u, i, ui);
+    rows8(u, j, uj);
+    ui[0] += ui[3] * p0; ui[1] += ui[3] * p1; ui[2] += ui[3] * p2;
+    uj[0] -= uj[3] * p0; uj[1] -= uj[3] * p1; uj[2] -= uj[3] * p2;
     if constexpr (friction) {
-        F ti = ai * of(u, i, 8, 7), tj = aj * of(u, j, 8, 7);
-        F q0 = n1 * p2 - n2 * p1, q1 = n2 * p0 - n0 * p2, q2 = n0 * p1 - n1 * p0;
-        into(u, i, 8, 4, of(u, i, 8, 4) - ti * q0); into(u, j, 8, 4, of(u, j, 8, 4) - tj * q0);
-        into(u, i, 8, 5, of(u, i, 8, 5) - ti * q1); into(u, j, 8, 5, of(u, j, 8, 5) - tj * q1);
-        into(u, i, 8, 6, of(u, i, 8, 6) - ti * q2); into(u, j, 8, 6, of(u, j, 8, 6) - tj * q2);
+        F q0 = n1 * p2 - n2 * p1, q1 = n2 * p0 - n0 * p2, q2 = n0 * p1 - n1 * p0, ti = ai * ui[7], tj = aj * uj[7];
+        ui[4] -= ti * q0; ui[5] -= ti * q1; ui[6] -= ti * q2;
+        uj[4] -= tj * q0; uj[5] -= tj * q1; uj[6] -= tj * q2;
     }
+    put8(u, i, ui);
+    put8(u, j, uj);
 }
 real largest = 0;
 for (int k = 0; k < W; ++k) largest = deepest[k] > largest ? deepest[k] : largest;

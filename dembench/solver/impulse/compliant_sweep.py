@@ -78,23 +78,21 @@ for (int q = first; q < end; ++q) {
     const real *a = rows.a.data + block * (A * W), *c = rows.c.data + block * (C * W);
     real *b = rows.b.data + block * (B * W), *u = (real*)rows.u.data;
 
-    F ui0 = of(u, i, 8, 0), ui1 = of(u, i, 8, 1), ui2 = of(u, i, 8, 2), mi = of(u, i, 8, 3);
-    F uj0 = of(u, j, 8, 0), uj1 = of(u, j, 8, 1), uj2 = of(u, j, 8, 2), mj = of(u, j, 8, 3);
+    F ui[8], uj[8];
+    rows8(u, i, ui);
+    rows8(u, j, uj);
     F n0 = at(a), n1 = at(a + W), n2 = at(a + 2 * W), overlap = at(a + 3 * W);
     F start0 = at(a + 4 * W), start1 = at(a + 5 * W), start2 = at(a + 6 * W);
     F old0 = at(b + 4 * W), old1 = at(b + 5 * W), old2 = at(b + 6 * W);
     F kn = at(c), dn = at(c + 2 * W);
 
-    F g0 = start0 + ui0 - uj0, g1 = start1 + ui1 - uj1, g2 = start2 + ui2 - uj2;
-    F ai, aj, wi0, wi1, wi2, wj0, wj1, wj2, ti, tj;
+    F g0 = start0 + ui[0] - uj[0], g1 = start1 + ui[1] - uj[1], g2 = start2 + ui[2] - uj[2], ai, aj;
     if constexpr (friction) {
         ai = at(a + 7 * W); aj = at(b + 3 * W);
-        wi0 = of(u, i, 8, 4); wi1 = of(u, i, 8, 5); wi2 = of(u, i, 8, 6); ti = of(u, i, 8, 7);
-        wj0 = of(u, j, 8, 4); wj1 = of(u, j, 8, 5); wj2 = of(u, j, 8, 6); tj = of(u, j, 8, 7);
-        F s0 = ai * wi0 + aj * wj0, s1 = ai * wi1 + aj * wj1, s2 = ai * wi2 + aj * wj2;
+        F s0 = ai * ui[4] + aj * uj[4], s1 = ai * ui[5] + aj * uj[5], s2 = ai * ui[6] + aj * uj[6];
         g0 += n1 * s2 - n2 * s1; g1 += n2 * s0 - n0 * s2; g2 += n0 * s1 - n1 * s0;
     }
-    F vn = g0 * n0 + g1 * n1 + g2 * n2, w = mi + mj, normal_old = old0 * n0 + old1 * n1 + old2 * n2;
+    F vn = g0 * n0 + g1 * n1 + g2 * n2, w = ui[3] + uj[3], normal_old = old0 * n0 + old1 * n1 + old2 * n2;
     F free = vn - w * normal_old, before = start0 * n0 + start1 * n1 + start2 * n2;
     real ahead = h / 2;
 """
@@ -114,7 +112,7 @@ for (int q = first; q < end; ++q) {
     F p0 = h * force * n0, p1 = h * force * n1, p2 = h * force * n2;
     if constexpr (friction) {
         F x0 = at(b), x1 = at(b + W), x2 = at(b + 2 * W), kt = at(c + W), dt = at(c + 3 * W), mu = at(c + 4 * W);
-        F wt = w + ai * ai * ti + aj * aj * tj, left = overlap - ahead * v, touching = part_of(from, left);
+        F wt = w + ai * ai * ui[7] + aj * aj * uj[7], left = overlap - ahead * v, touching = part_of(from, left);
         F l0 = old0 - normal_old * n0, l1 = old1 - normal_old * n1, l2 = old2 - normal_old * n2;
         F slip0 = g0 - vn * n0 - wt * l0, slip1 = g1 - vn * n1 - wt * l1, slip2 = g2 - vn * n2 - wt * l2;
         F way0 = start0 - before * n0 + slip0, way1 = start1 - before * n1 + slip1, way2 = start2 - before * n2 + slip2;
@@ -151,14 +149,15 @@ for (int q = first; q < end; ++q) {
     }
     to(b + 4 * W, p0); to(b + 5 * W, p1); to(b + 6 * W, p2);
     p0 -= old0; p1 -= old1; p2 -= old2;
-    into(u, i, 8, 0, ui0 + mi * p0); into(u, i, 8, 1, ui1 + mi * p1); into(u, i, 8, 2, ui2 + mi * p2);
-    into(u, j, 8, 0, uj0 - mj * p0); into(u, j, 8, 1, uj1 - mj * p1); into(u, j, 8, 2, uj2 - mj * p2);
+    ui[0] += ui[3] * p0; ui[1] += ui[3] * p1; ui[2] += ui[3] * p2;
+    uj[0] -= uj[3] * p0; uj[1] -= uj[3] * p1; uj[2] -= uj[3] * p2;
     if constexpr (friction) {
-        F r0 = n1 * p2 - n2 * p1, r1 = n2 * p0 - n0 * p2, r2 = n0 * p1 - n1 * p0;
-        ti *= ai; tj *= aj;
-        into(u, i, 8, 4, wi0 - ti * r0); into(u, i, 8, 5, wi1 - ti * r1); into(u, i, 8, 6, wi2 - ti * r2);
-        into(u, j, 8, 4, wj0 - tj * r0); into(u, j, 8, 5, wj1 - tj * r1); into(u, j, 8, 6, wj2 - tj * r2);
+        F r0 = n1 * p2 - n2 * p1, r1 = n2 * p0 - n0 * p2, r2 = n0 * p1 - n1 * p0, ti = ai * ui[7], tj = aj * uj[7];
+        ui[4] -= ti * r0; ui[5] -= ti * r1; ui[6] -= ti * r2;
+        uj[4] -= tj * r0; uj[5] -= tj * r1; uj[6] -= tj * r2;
     }
+    put8(u, i, ui);
+    put8(u, j, uj);
 }
 """
 )
