@@ -14,7 +14,8 @@ def prelude(precision: str, **constants: bool | int | float) -> str:
     """C++ that declares the vector types, access to arrays by lanes, and compile-time constants by name.
 
     at(p), to(p, x): lanes that stand side by side. rows4, rows8, doubles8(p, n, f): the rows n[lane] of an array whose
-    rows have 4 or 8 entries, entry k of all of them in f[k]; put8(p, n, f) writes them. larger, smaller, root: by lanes.
+    rows have 4 or 8 entries, entry k of all of them in f[k]; put4, put8(p, n, f) write them
+    where n[lane] is not negative. larger, smaller, root: by lanes.
     """
     real = {"float32": "float", "float64": "double"}[types(precision).precision]
     kinds = {bool: "bool", int: "int", float: "real"}
@@ -34,12 +35,8 @@ auto root = [](auto a) {{ return __builtin_elementwise_sqrt(a); }};
 {_gather("rows4", "real", "F", 4)}
 {_gather("rows8", "real", "F", 8)}
 {_gather("doubles8", "double", "D", 8)}
-auto put8 = [](real* p, const int* n, F* f) {{
-    {_turned(8)}
-    for (int k = 0; k < 8; ++k)
-        for (int g = 0; g < W / 8; ++g)
-            __builtin_memcpy(p + 8 * n[k + 8 * g], (char*)&f[k] + g * 8 * sizeof(real), 8 * sizeof(real));
-}};
+{_scatter("put4", 4)}
+{_scatter("put8", 8)}
 """
 
 
@@ -50,6 +47,17 @@ def _gather(name: str, real: str, vector: str, size: int) -> str:
         for (int g = 0; g < W / {size}; ++g)
             __builtin_memcpy((char*)&f[k] + g * {size} * sizeof({real}), p + {size} * n[k + {size} * g], {size} * sizeof({real}));
     {_turned(size)}
+}};"""
+
+
+def _scatter(name: str, size: int) -> str:
+    """A function that turns entries back into rows and stores those with an index that is not negative."""
+    return f"""auto {name} = [](real* p, const int* n, F* f) {{
+    {_turned(size)}
+    for (int k = 0; k < {size}; ++k)
+        for (int g = 0; g < W / {size}; ++g)
+            if (n[k + {size} * g] >= 0)
+                __builtin_memcpy(p + {size} * n[k + {size} * g], (char*)&f[k] + g * {size} * sizeof(real), {size} * sizeof(real));
 }};"""
 
 

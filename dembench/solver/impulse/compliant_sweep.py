@@ -135,16 +135,9 @@ for (int q = first; q < end; ++q) {
         l2 = held ? -h * kt * e2 : bound > 0 ? l2 : zero;
         p0 += l0; p1 += l1; p2 += l2;
         if (last) {
-            real* kept = (real*)memory.data;
-            F touches = left > 0 ? one : zero;
             e0 -= ahead * (slip0 + wt * l0); e1 -= ahead * (slip1 + wt * l1); e2 -= ahead * (slip2 + wt * l2);
-            for (int k = 0; k < W; ++k) {
-                int slot = rows.slot.data[block * W + k];
-                if (slot >= 0) {
-                    kept[4 * slot] = e0[k]; kept[4 * slot + 1] = e1[k]; kept[4 * slot + 2] = e2[k];
-                    kept[4 * slot + 3] = touches[k];
-                }
-            }
+            F kept[4] = {e0, e1, e2, left > 0 ? one : zero};
+            put4((real*)memory.data, rows.slot.data + block * W, kept);
         }
     }
     to(b + 4 * W, p0); to(b + 5 * W, p1); to(b + 6 * W, p2);
