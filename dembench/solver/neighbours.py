@@ -11,9 +11,9 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.lanes import prelude
 from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
-from dembench.solver.sync import row_functions
 from dembench.solver.types import types
 from dembench.solver.walls.candidates import gather_function
 from dembench.solver.walls.records import WallOptions, Walls
@@ -333,6 +333,41 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
     )
 
 
+# Writes the pairs of a region with a gap below `skin` into `near` and returns their number; the others lose their memory.
+_PICK_NEAR = """
+const double* kin = (const double*)bodies.kin.data;
+int found = 0;
+for (int first = base; first < base + count; first += W) {
+    int i[W], j[W], last = base + count - 1;
+    for (int k = 0; k < W; ++k) {
+        int q = first + k < last ? first + k : last;
+        i[k] = lists.i.data[q];
+        j[k] = lists.j.data[q];
+    }
+    D ki[8], kj[8];
+    doubles8(kin, i, ki);
+    doubles8(kin, j, kj);
+    D d0 = ki[0] - kj[0], d1 = ki[1] - kj[1], d2 = ki[2] - kj[2], reach = D{} + 2 * bodies.radius + skin;
+    if constexpr (periodic) {
+        d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
+        d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
+        d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
+    }
+    if constexpr (radii) reach = ki[6] + kj[6] + skin;
+    auto near = d0 * d0 + d1 * d1 + d2 * d2 < reach * reach;
+    for (int k = 0; k < W && first + k <= last; ++k) {
+        int pair = first + k;
+        if (near[k]) lists.near.data[base + found++] = pair;
+        else if constexpr (history) {
+            real* memory = (real*)lists.memory.data + 4 * pair;
+            if (memory[3] != 0) memory[0] = memory[1] = memory[2] = memory[3] = 0;
+        }
+    }
+}
+return found;
+"""
+
+
 @cache
 def near_functions(precision: str, periodic: bool, radii: bool, history: bool) -> Any:
     """Warp functions that pick the near pairs of a region and the candidates of the large bodies.
@@ -343,28 +378,11 @@ def near_functions(precision: str, periodic: bool, radii: bool, history: bool) -
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
     position = position_function(precision)
     image = image_functions(precision, periodic)
-    nearest, separation = image.nearest, image.separation
-    native = row_functions(Bodies, t.vec8, Lists, vec4, False)
+    nearest = image.nearest
     radius = radius_function(precision, radii)
-    kin, entry, set_entry = native.kin, native.entry, native.set_entry
-    memory_of, set_memory = native.memory_of, native.set_memory
 
-    @wp.func
-    def pick_near(b: Bodies, lists: Lists, base: int, count: int, skin: wp.float64):
-        """Writes the pairs of a region with a gap below `skin` into `near` and returns their number."""
-        found = int(0)
-        for q in range(count):
-            k = base + q
-            ki, kj = kin(b, entry(lists.i, k)), kin(b, entry(lists.j, k))
-            d = separation(b, ki, kj)
-            reach = radius(b, ki) + radius(b, kj) + skin
-            if d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < reach * reach:
-                set_entry(lists.near, base + found, k)
-                found += 1
-            elif wp.static(history):
-                if memory_of(lists, k)[3] != real(0.0):
-                    set_memory(lists, k, vec4())
-        return found
+    @wp.func_native(prelude(precision, periodic=periodic, radii=radii, history=history) + _PICK_NEAR)
+    def pick_near(bodies: Bodies, lists: Lists, base: int, count: int, skin: wp.float64) -> int: ...
 
     @wp.func
     def pick_big(b: Bodies, lists: Lists, n: int, total: int, skin: wp.float64, capacity: int):
