@@ -135,7 +135,7 @@ def test_energy_of_elastic_grains_is_kept() -> None:
     assert np.array(found) == pytest.approx(np.full(400, found[0]), rel=3e-4)
 
 
-def crowd(n: int = 343) -> Scene:
+def crowd(n: int = 343, **changes: Any) -> Scene:
     """Grains of two sizes and a ball, packed at random in a box, that fly apart."""
     position, velocity, spin = gas(n, speed=1.0, spacing=2.3)
     low, high = position.min(axis=0) - 2 * RADIUS, position.max(axis=0) + 2 * RADIUS
@@ -149,6 +149,7 @@ def crowd(n: int = 343) -> Scene:
         species=[*(np.arange(n) % 2), 2],
         walls=(box,),
         young=1e7,
+        **changes,
     )
 
 
@@ -156,19 +157,19 @@ def crowd(n: int = 343) -> Scene:
 def test_threads_solve_the_same_rows(threads: int) -> None:
     """Sweeps in another order have the same solution, and with many sweeps all get there.
 
-    A row whose contact begins within a substep may go to and fro between two solutions that differ by 1e-6 m/s; a row
-    that is missed, or solved twice, changes velocities by 0.01 m/s.
+    So it is without dashpots: of those the law takes that of the shear away where a contact slides, and near that jump
+    it has no solution, between whose two sides a row goes to and fro.
     """
     ends = []
     for parts in (1, threads):
-        simulation = compliant(crowd(), 2e-5, threads=parts, substeps=1, velocity_sweeps=60, precision="float64")
+        simulation = compliant(crowd(restitution=1.0), 2e-5, threads=parts, substeps=1, velocity_sweeps=60, precision="float64")
         simulation.step(100)
         ends.append(simulation)
     one, several = ends
     assert several.counters()["rows"] == one.counters()["rows"] > 60
     assert np.abs(one.velocity - crowd().bodies.velocity).max() > 0.5
-    assert several.velocity == pytest.approx(one.velocity, abs=1e-5)
-    assert RADIUS * several.angular_velocity == pytest.approx(RADIUS * one.angular_velocity, abs=1e-5)
+    assert several.velocity == pytest.approx(one.velocity, abs=1e-9)
+    assert RADIUS * several.angular_velocity == pytest.approx(RADIUS * one.angular_velocity, abs=1e-9)
     found = [(len(c.i), float(c.energy.sum()), np.sort(c.normal_force)) for c in (one.contacts(), several.contacts())]
     assert found[0][0] == found[1][0] and found[0][1] == pytest.approx(found[1][1], rel=1e-4)
     assert found[0][2] == pytest.approx(found[1][2], abs=1e-4 * found[0][2].max())
@@ -339,8 +340,10 @@ def test_nothing_changes_without_gravity() -> None:
     ends = []
     for fall in (0.0, 1e-9):
         position, velocity, spin = gas(27)
-        scene = grains(position, velocity + 100 * (position.mean(axis=0) - position), spin, gravity=(0, 0, -fall))
-        simulation = compliant(scene, 5e-5, substeps=4, precision="float64")
+        inwards = velocity + 100 * (position.mean(axis=0) - position)
+        scene = grains(position, inwards, spin, gravity=(0, 0, -fall), restitution=1.0)
+        # the order of the rows hangs on rounding: with many sweeps, and without the jump of the shear dashpot, it is none
+        simulation = compliant(scene, 5e-5, substeps=4, velocity_sweeps=40, precision="float64")
         simulation.step(100)
         ends.append(simulation.velocity)
     assert np.abs(ends[0] - velocity).max() > 1
