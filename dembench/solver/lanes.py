@@ -45,7 +45,7 @@ def _gather(name: str, real: str, vector: str, size: int) -> str:
     return f"""auto {name} = [](const {real}* p, const int* n, {vector}* f) {{
     for (int k = 0; k < {size}; ++k)
         for (int g = 0; g < W / {size}; ++g)
-            __builtin_memcpy((char*)&f[k] + g * {size} * sizeof({real}), p + {size} * n[k + {size} * g], {size} * sizeof({real}));
+            __builtin_memcpy(({real}*)&f[k] + g * {size}, p + {size} * n[k + {size} * g], {size} * sizeof({real}));
     {_turned(size)}
 }};"""
 
@@ -57,7 +57,7 @@ def _scatter(name: str, size: int) -> str:
     for (int k = 0; k < {size}; ++k)
         for (int g = 0; g < W / {size}; ++g)
             if (n[k + {size} * g] >= 0)
-                __builtin_memcpy(p + {size} * n[k + {size} * g], (char*)&f[k] + g * {size} * sizeof(real), {size} * sizeof(real));
+                __builtin_memcpy(p + {size} * n[k + {size} * g], (real*)&f[k] + g * {size}, {size} * sizeof(real));
 }};"""
 
 

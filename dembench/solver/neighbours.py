@@ -333,7 +333,7 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
     )
 
 
-# Writes the pairs of a region with a gap below `skin` into `near` and returns their number; the others lose their memory.
+# Writes the pairs of a region with a gap below `skin` into `near`, returns their number, and has the others forget.
 _PICK_NEAR = """
 const double* kin = (const double*)bodies.kin.data;
 int found = 0;

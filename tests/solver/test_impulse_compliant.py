@@ -162,7 +162,8 @@ def test_threads_solve_the_same_rows(threads: int) -> None:
     """
     ends = []
     for parts in (1, threads):
-        simulation = compliant(crowd(restitution=1.0), 2e-5, threads=parts, substeps=1, velocity_sweeps=60, precision="float64")
+        options: dict[str, Any] = {"substeps": 1, "velocity_sweeps": 60, "precision": "float64"}
+        simulation = compliant(crowd(restitution=1.0), 2e-5, threads=parts, **options)
         simulation.step(100)
         ends.append(simulation)
     one, several = ends
@@ -342,7 +343,7 @@ def test_nothing_changes_without_gravity() -> None:
         position, velocity, spin = gas(27)
         inwards = velocity + 100 * (position.mean(axis=0) - position)
         scene = grains(position, inwards, spin, gravity=(0, 0, -fall), restitution=1.0)
-        # the order of the rows hangs on rounding: with many sweeps, and without the jump of the shear dashpot, it is none
+        # the order of the rows hangs on rounding: many sweeps, and no jump of the shear dashpot, leave nothing of it
         simulation = compliant(scene, 5e-5, substeps=4, velocity_sweeps=40, precision="float64")
         simulation.step(100)
         ends.append(simulation.velocity)
