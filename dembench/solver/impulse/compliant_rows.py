@@ -16,6 +16,10 @@ FAR = 1e30
 """Gap of a row that is not open in a substep [scene units]."""
 A, B, C = 8, 8, 5
 """Numbers of a row in the arrays a, b and c."""
+FLAGS, TRAVEL = 10, 10
+"""Lengths of `state` and `travel` before what each segment of the rows, and each thread, has there."""
+PER_SEGMENT, PER_THREAD = 2, 7
+"""Entries of a segment in `state` and of a thread in `travel`."""
 OWN, BRIDGE = wp.constant(0), wp.constant(1)
 """Kinds of segments of the rows: those of a thread, and those across the ranges of threads and of large bodies."""
 
@@ -92,7 +96,7 @@ def compliant_types(precision: str) -> Any:
 def compliant_access(precision: str, rotation: bool) -> Any:
     """Direct access to the arrays of the rows, as Warp functions; see `sync.row_functions` for the reason."""
     t = types(precision)
-    vec4, vec8, Bodies, Lists = t.vec4, t.vec8, t.Bodies, t.Lists
+    vec4, vec8, Bodies = t.vec4, t.vec8, t.Bodies
     Rows = compliant_types(precision)
 
     @wp.func_native("return b.kin.data[i];")
@@ -100,12 +104,6 @@ def compliant_access(precision: str, rotation: bool) -> Any:
 
     @wp.func_native("return b.spin.data[i];")
     def spin(b: Bodies, i: int) -> vec4: ...
-
-    @wp.func_native("return lists.memory.data[k];")
-    def memory_of(lists: Lists, k: int) -> vec4: ...
-
-    @wp.func_native("values.data[k] = m;")
-    def set_memory(values: wp.array(dtype=vec4), k: int, m: vec4): ...
 
     @wp.func_native("return values.data[k];")
     def entry(values: wp.array(dtype=wp.int32), k: int) -> int: ...
@@ -119,8 +117,6 @@ def compliant_access(precision: str, rotation: bool) -> Any:
     return SimpleNamespace(
         kin=kin,
         spin=spin,
-        memory_of=memory_of,
-        set_memory=set_memory,
         entry=entry,
         change_of=change_of,
         set_change=set_change,

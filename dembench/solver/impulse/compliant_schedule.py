@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import C, CompliantOptions, compliant_types
+from dembench.solver.impulse.compliant_rows import FLAGS, PER_SEGMENT, C, CompliantOptions, compliant_types
 from dembench.solver.lanes import LANES
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types
@@ -83,18 +83,18 @@ _CLEAR = "for (int i = begin; i < end; ++i) { rows.mask.data[i] = 0; rows.stamp.
 
 @cache
 def schedule_functions(o: CompliantOptions) -> Any:
-    """Warp functions that write bodies, slots and constants of rows into blocks from `first` on; they return the end.
+    """Warp functions `own` and `bridge` that write bodies, slots and constants of the rows of a segment into blocks.
 
-    They go on counting beyond `end`, where nothing is written. Bodies begin..last are those that may occur. pairs: the
-    near pairs of a region that begins at `base`; walls: candidates at walls, with `fixed` for what does not move; bigs:
-    candidates of large bodies.
+    Where the room of a segment does not suffice, nothing is written behind it, but its end in `state` says what it
+    would need. `fixed` is the index of what does not move.
     """
     precision = o.law.precision
     t = types(precision)
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows = compliant_types(precision)
     of_pair, of_wall = pair_lookup(precision, o.pairs, o.radii)
-    lanes = wp.constant(LANES)
+    present, bigs, threads = o.walls.present, o.bigs, o.threads
+    lanes, flags, per_segment = wp.constant(LANES), wp.constant(FLAGS), wp.constant(PER_SEGMENT)
 
     @wp.func_native(_CLEAR)
     def forget(rows: Rows, begin: int, end: int): ...
@@ -128,61 +128,78 @@ def schedule_functions(o: CompliantOptions) -> Any:
             set_constants(rows, row, c)
 
     @wp.func
-    def pairs(
+    def own(
         b: Bodies,
         lists: Lists,
         rows: Rows,
-        region: int,
-        count: int,
-        first: int,
-        end: int,
+        walls: Walls,
+        part: int,
         fixed: int,
-        table: wp.array(dtype=PairClass),
-        columns: int,
-    ):
-        found = put_pairs(rows, lists, region, count, first, end - first, fixed)
-        constants_of_pairs(b, rows, first, wp.min(found, end), table, columns)
-        return found
-
-    @wp.func
-    def bigs(
-        b: Bodies,
-        lists: Lists,
-        rows: Rows,
-        count: int,
-        small: int,
+        ranges: wp.array(dtype=wp.int32),
+        n: int,
         total: int,
-        first: int,
-        end: int,
-        fixed: int,
-        table: wp.array(dtype=PairClass),
-        columns: int,
+        base: wp.array(dtype=wp.int32),
+        near_count: wp.array(dtype=wp.int32),
+        wall_capacity: int,
+        wall_count: wp.array(dtype=wp.int32),
+        row_base: wp.array(dtype=wp.int32),
+        pair_table: wp.array(dtype=PairClass),
+        pair_columns: int,
+        wall_table: wp.array(dtype=PairClass),
+        wall_columns: int,
+        state: wp.array(dtype=wp.int32),
     ):
-        found = put_bigs(rows, lists, count, small, total, first, end - first, fixed)
-        constants_of_pairs(b, rows, first, wp.min(found, end), table, columns)
-        return found
+        """The segment of a thread: near pairs within its range, and candidates at walls."""
+        first, room = row_base[part] + 0, row_base[part + 1] + 0
+        forget(rows, ranges[part], ranges[part + 1])
+        other = put_pairs(rows, lists, base[2 * part], near_count[2 * part], first, room - first, fixed)
+        constants_of_pairs(b, rows, first, wp.min(other, room), pair_table, pair_columns)
+        end = other + 0
+        if wp.static(present):
+            forget(rows, ranges[part], ranges[part + 1])
+            if part == 0:
+                forget(rows, n, total)
+            end = put_walls(rows, lists, part * wall_capacity, wall_count[part], other, room - other, fixed)
+            for row in range(other * lanes, wp.min(end, room) * lanes):
+                c = PairClass()
+                q = rows.slot[row] + 0
+                if q >= 0:
+                    kind = walls.features[lists.wall_f[q]].kind
+                    c = of_wall(b, rows.i[row], kind, wall_table, wall_columns)
+                set_constants(rows, row, c)
+        state[flags + per_segment * part] = other
+        state[flags + per_segment * part + 1] = end
 
     @wp.func
-    def walls(
+    def bridge(
         b: Bodies,
         lists: Lists,
         rows: Rows,
-        features: Walls,
-        region: int,
-        count: int,
-        first: int,
-        end: int,
+        parts: int,
         fixed: int,
-        table: wp.array(dtype=PairClass),
-        columns: int,
+        n: int,
+        total: int,
+        base: wp.array(dtype=wp.int32),
+        near_count: wp.array(dtype=wp.int32),
+        row_base: wp.array(dtype=wp.int32),
+        pair_table: wp.array(dtype=PairClass),
+        pair_columns: int,
+        state: wp.array(dtype=wp.int32),
     ):
-        found = put_walls(rows, lists, region, count, first, end - first, fixed)
-        for row in range(first * lanes, wp.min(found, end) * lanes):
-            c = PairClass()
-            q = rows.slot[row] + 0
-            if q >= 0:
-                c = of_wall(b, rows.i[row], features.features[lists.wall_f[q]].kind, table, columns)
-            set_constants(rows, row, c)
-        return found
+        """The last segment: near pairs across the ranges of the threads, and candidates of large bodies."""
+        first, room = row_base[parts] + 0, row_base[parts + 1] + 0
+        other = first + 0
+        if wp.static(threads):
+            for p in range(parts):
+                forget(rows, 0, total)
+                across = 2 * p + 1
+                other = put_pairs(rows, lists, base[across], near_count[across], other, room - other, fixed)
+        end = other + 0
+        if wp.static(bigs):
+            forget(rows, 0, total)
+            end = put_bigs(rows, lists, near_count[2 * parts], n, total, other, room - other, fixed)
+        constants_of_pairs(b, rows, first, wp.min(end, room), pair_table, pair_columns)
+        state[flags + per_segment * parts] = other
+        state[flags + per_segment * parts + 1] = end
 
-    return SimpleNamespace(forget=forget, pairs=pairs, walls=walls, bigs=bigs)
+    return SimpleNamespace(own=own, bridge=bridge)

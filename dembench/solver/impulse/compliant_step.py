@@ -14,16 +14,16 @@ import warp as wp
 from dembench.solver.impulse.compliant_bodies import body_functions
 from dembench.solver.impulse.compliant_opening import opening_functions
 from dembench.solver.impulse.compliant_rows import (
-    BRIDGE,
-    OWN,
+    FLAGS,
+    PER_THREAD,
+    TRAVEL,
     CompliantOptions,
     compliant_types,
 )
 from dembench.solver.impulse.compliant_schedule import schedule_functions
 from dembench.solver.impulse.compliant_substeps import stiffness_functions
-from dembench.solver.impulse.compliant_sweep import sweep_function
+from dembench.solver.impulse.compliant_sweep import solve_function
 from dembench.solver.neighbours import near_functions
-from dembench.solver.pairs import pair_lookup
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD, ROW_OVERFLOW
 from dembench.solver.sync import barrier
 from dembench.solver.types import types
@@ -31,11 +31,6 @@ from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
-
-FLAGS, TRAVEL = 10, 10
-"""Lengths of `state` and `travel` before what each segment of the rows, and each thread, has there."""
-PER_SEGMENT, PER_THREAD = 2, 7
-"""Entries of a segment in `state` and of a thread in `travel`."""
 
 
 @cache
@@ -66,19 +61,18 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     of_bodies = body_functions(o)
     begin, drift, end, load_walls = of_bodies.begin, of_bodies.drift, of_bodies.end, of_bodies.load_walls
     largest_square = of_bodies.fastest
-    opening, stiffness, sweep = opening_functions(o), stiffness_functions(o), sweep_function(o)
+    opening, stiffness, solve = opening_functions(o), stiffness_functions(o), solve_function(o)
     schedule = schedule_functions(o)
-    forget, put_pairs, put_bigs, put_walls = schedule.forget, schedule.pairs, schedule.bigs, schedule.walls
+    fill_own, fill_bridge = schedule.own, schedule.bridge
     open_pairs, open_bigs, open_walls = opening.pairs, opening.bigs, opening.walls
     stiff_pairs, stiff_bigs, stiff_walls = stiffness.pairs, stiffness.bigs, stiffness.walls
     joined, rate = stiffness.joined, stiffness.rate
     near = near_functions(o.law.precision, o.periodic, o.radii, o.law.friction)
     pick_near, pick_big = near.pick_near, near.pick_big
-    of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
     hand_over = hand_over_function(o.law.precision, o.walls, o.radii)
     clear_loads, loads = wall_load_functions(o.walls).clear, o.walls.loads
-    bigs, friction, shared, threads = o.bigs, o.law.friction, o.shared, o.threads
+    bigs, friction, threads = o.bigs, o.law.friction, o.threads
     segments, slots = wp.constant(FLAGS), wp.constant(TRAVEL)
 
     @wp.func
@@ -148,10 +142,6 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     ):
         zero, two, eight = wp.float64(0.0), wp.float64(2.0), wp.float64(8.0)
         weight = wp.length(gravity)
-        one = PairClass()
-        if wp.static(shared):
-            if n > 0:
-                one = of_pair(b, 0, 0, pair_table, pair_columns)
         begin_small, end_small = ranges[part], ranges[part + 1]
         begin_big, end_big = int(n), int(n)
         if part == 0:
@@ -192,30 +182,12 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     if wp.static(timed):
                         moment = dt * (first + wp.float64(done + 1)) - ahead
                         place(walls, poses, moment, moment)
-                    near_only = int(0)
-                    listed, listed_across = int(pair_count[inside]), int(pair_count[across])
+                    known = int(0)
                     if since_near >= zero and two * (since_near + look) <= near_gap:
-                        near_only = 1
-                        listed, listed_across = near_count[inside] + 0, near_count[across] + 0
+                        known = 1
                     need = stiff_pairs(
-                        b, lists, base[inside], listed, near_only, one, pair_table, pair_columns, ahead, two * look
+                        b, lists, part, base, pair_count, near_count, known, pair_table, pair_columns, ahead, two * look
                     )
-                    if wp.static(threads):
-                        need = joined(
-                            need,
-                            stiff_pairs(
-                                b,
-                                lists,
-                                base[across],
-                                listed_across,
-                                near_only,
-                                one,
-                                pair_table,
-                                pair_columns,
-                                ahead,
-                                two * look,
-                            ),
-                        )
                     if wp.static(bigs):
                         look_big = look + ahead * (fastest_big + gain)
                         if since_big < zero or since_big + look_big > big_gap:
@@ -299,76 +271,45 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     going = 0
             if going == 1 and (relisted == 1 or unscheduled == 1):
                 unscheduled = 0
-                forget(rows, begin_small, end_small)
-                other = put_pairs(
+                fill_own(
                     b,
                     lists,
                     rows,
-                    base[inside],
-                    near_count[inside],
-                    own,
-                    row_base[part + 1],
+                    walls,
+                    part,
                     fixed,
+                    ranges,
+                    n,
+                    total,
+                    base,
+                    near_count,
+                    wall_capacity,
+                    wall_count,
+                    row_base,
                     pair_table,
                     pair_columns,
+                    wall_table,
+                    wall_columns,
+                    state,
                 )
-                own_end = other + 0
-                if wp.static(present):
-                    forget(rows, begin_small, end_small)
-                    forget(rows, begin_big, end_big)
-                    own_end = put_walls(
-                        b,
-                        lists,
-                        rows,
-                        walls,
-                        at_walls,
-                        wall_count[part],
-                        other,
-                        row_base[part + 1],
-                        fixed,
-                        wall_table,
-                        wall_columns,
-                    )
-                state[segments + 2 * part] = other
-                state[segments + 2 * part + 1] = own_end
                 if wp.static(threads):
                     barrier(state, parts)
                 if part == 0:
-                    bridge_other, bridge_end = bridge + 0, bridge + 0
-                    if wp.static(threads):
-                        forget(rows, 0, total)
-                        for p in range(parts):
-                            bridge_other = put_pairs(
-                                b,
-                                lists,
-                                rows,
-                                base[2 * p + 1],
-                                near_count[2 * p + 1],
-                                bridge_other,
-                                row_base[parts + 1],
-                                fixed,
-                                pair_table,
-                                pair_columns,
-                            )
-                            forget(rows, 0, total)
-                        bridge_end = bridge_other + 0
-                    if wp.static(bigs):
-                        forget(rows, 0, total)
-                        bridge_end = put_bigs(
-                            b,
-                            lists,
-                            rows,
-                            near_count[2 * parts],
-                            n,
-                            total,
-                            bridge_other,
-                            row_base[parts + 1],
-                            fixed,
-                            pair_table,
-                            pair_columns,
-                        )
-                    state[segments + 2 * parts] = bridge_other
-                    state[segments + 2 * parts + 1] = bridge_end
+                    fill_bridge(
+                        b,
+                        lists,
+                        rows,
+                        parts,
+                        fixed,
+                        n,
+                        total,
+                        base,
+                        near_count,
+                        row_base,
+                        pair_table,
+                        pair_columns,
+                        state,
+                    )
                 if wp.static(threads):
                     barrier(state, parts)
                 for p in range(parts + 1):
@@ -402,34 +343,22 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     if wp.static(bigs):
                         overlap = open_bigs(b, lists, rows, bridge_other, bridge_end, step, grown)
                         deepest = wp.max(deepest, overlap)
-                visited = int(BRIDGE)
-                for s in range(sweeps):
-                    # a sweep goes from the own segment to the bridge, or back
-                    reverse = (direction + s) % 2
-                    last = int(0)
-                    if s == sweeps - 1:
-                        last = 1
-                    for turn in range(2):
-                        kind = (turn + reverse) % 2
-                        if wp.static(threads):
-                            if kind != visited:
-                                barrier(state, parts)
-                        visited = kind + 0
-                        if kind == OWN:
-                            for half_way in range(2):
-                                if half_way == reverse:
-                                    sweep(rows, lists.memory, own, other, step, reverse, last)
-                                else:
-                                    sweep(rows, lists.wall_memory, other, own_end, step, reverse, last)
-                        elif part == 0:
-                            for half_way in range(2):
-                                if half_way == reverse:
-                                    sweep(rows, lists.memory, bridge, bridge_other, step, reverse, last)
-                                else:
-                                    sweep(rows, lists.big_memory, bridge_other, bridge_end, step, reverse, last)
-                if wp.static(threads):
-                    if visited == BRIDGE:
-                        barrier(state, parts)
+                solve(
+                    rows,
+                    lists,
+                    part,
+                    parts,
+                    sweeps,
+                    direction,
+                    own,
+                    other,
+                    own_end,
+                    bridge,
+                    bridge_other,
+                    bridge_end,
+                    step,
+                    state,
+                )
                 if wp.static(loads):
                     if within == 0:
                         clear_loads(walls, part)

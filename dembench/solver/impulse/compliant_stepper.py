@@ -8,14 +8,18 @@ import warp as wp
 from dembench.scene import Rigid, Scene, features
 from dembench.solver.guard import SolverError
 from dembench.solver.impulse.compliant_contacts import Segment, open_rows, touching
-from dembench.solver.impulse.compliant_rows import A, B, C, CompliantOptions, compliant_types
-from dembench.solver.impulse.compliant_step import (
+from dembench.solver.impulse.compliant_rows import (
     FLAGS,
     PER_SEGMENT,
     PER_THREAD,
     TRAVEL,
-    compliant_kernel,
+    A,
+    B,
+    C,
+    CompliantOptions,
+    compliant_types,
 )
+from dembench.solver.impulse.compliant_step import compliant_kernel
 from dembench.solver.inspection import Touching
 from dembench.solver.lanes import LANES
 from dembench.solver.laws import LawOptions

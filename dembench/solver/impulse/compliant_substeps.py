@@ -49,7 +49,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     radius = radius_function(o.law.precision, o.radii)
-    shared, linear = o.shared, o.law.linear
+    shared, linear, threads = o.shared, o.law.linear, o.threads
 
     @wp.func
     def measure(c: PairClass, inverse: real, overlap: wp.float64, closing: wp.float64):
@@ -101,7 +101,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         return found
 
     @wp.func
-    def pairs(
+    def of_region(
         b: Bodies,
         lists: Lists,
         base: int,
@@ -113,10 +113,6 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         time: wp.float64,
         reach: wp.float64,
     ):
-        """Listed pairs of a region, with `near` = 1 the near ones of them.
-
-        `one`: see `opening_functions`; `reach` is how far two can approach.
-        """
         need = wp.vec3d()
         for q in range(count):
             k = base + q
@@ -124,6 +120,37 @@ def stiffness_functions(o: CompliantOptions) -> Any:
                 k = entry(lists.near, base + q)
             i, j = entry(lists.i, k), entry(lists.j, k)
             need = joined(need, of_two(b, i, j, one, table, columns, time, reach))
+        return need
+
+    @wp.func
+    def pairs(
+        b: Bodies,
+        lists: Lists,
+        part: int,
+        base: wp.array(dtype=wp.int32),
+        pair_count: wp.array(dtype=wp.int32),
+        near_count: wp.array(dtype=wp.int32),
+        known: int,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        time: wp.float64,
+        reach: wp.float64,
+    ):
+        """Pairs of small bodies that a thread has; with `known` = 1 those in reach are among the near ones.
+
+        `reach` is how far two can approach.
+        """
+        need, one = wp.vec3d(), PairClass()
+        for region in range(2 * part, 2 * part + wp.static(2 if threads else 1)):
+            count = pair_count[region] + 0
+            if known == 1:
+                count = near_count[region] + 0
+            if count > 0:
+                if wp.static(shared):
+                    # any pair has the constants of all
+                    k = base[region] + 0
+                    one = of_pair(b, lists.i[k] + 0, lists.j[k] + 0, table, columns)
+                need = joined(need, of_region(b, lists, base[region], count, known, one, table, columns, time, reach))
         return need
 
     @wp.func

@@ -20,8 +20,9 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import A, B, C, CompliantOptions, compliant_types
+from dembench.solver.impulse.compliant_rows import BRIDGE, OWN, A, B, C, CompliantOptions, compliant_types
 from dembench.solver.lanes import prelude
+from dembench.solver.sync import barrier
 from dembench.solver.types import types
 
 NEWTON = 2
@@ -157,27 +158,75 @@ for (int q = first; q < end; ++q) {
 
 
 @cache
-def sweep_function(o: CompliantOptions) -> Any:
-    """A Warp function (rows, memory, first, end, h, reverse, last) that visits the rows of blocks once, either way.
+def solve_function(o: CompliantOptions) -> Any:
+    """A Warp function that visits the rows of a thread, and those of the bridge with the first one, in some sweeps.
 
-    In the last sweep of a substep the springs are remembered in `memory`, with whether the two touch.
+    In the last of them the springs are remembered, with whether the two touch. own..other..own_end and
+    bridge..bridge_other..bridge_end: blocks of the segments, see `compliant_schedule`.
     """
     t = types(o.law.precision)
+    real, Lists = t.real, t.Lists
     Rows = compliant_types(o.law.precision)
-    squares = SQUARES["linear" if o.law.linear else "hertz"]
+    threads = o.threads
     constants = prelude(
         o.law.precision,
         A=A,
         B=B,
         C=C,
         newton=NEWTON,
-        squares=squares,
+        squares=SQUARES["linear" if o.law.linear else "hertz"],
         friction=o.law.friction,
         linear=o.law.linear,
         no_tension=o.law.no_tension,
     )
 
     @wp.func_native(constants + _SWEEP)
-    def sweep(rows: Rows, memory: wp.array(dtype=t.vec4), first: int, end: int, h: t.real, reverse: int, last: int): ...
+    def sweep(rows: Rows, memory: wp.array(dtype=t.vec4), first: int, end: int, h: real, reverse: int, last: int): ...
 
-    return sweep
+    @wp.func
+    def solve(
+        rows: Rows,
+        lists: Lists,
+        part: int,
+        parts: int,
+        sweeps: int,
+        direction: int,
+        own: int,
+        other: int,
+        own_end: int,
+        bridge: int,
+        bridge_other: int,
+        bridge_end: int,
+        h: real,
+        state: wp.array(dtype=wp.int32),
+    ):
+        """Sweeps go from the own segment of a thread to the bridge, and back."""
+        visited = int(BRIDGE)
+        for s in range(sweeps):
+            reverse = (direction + s) % 2
+            last = int(0)
+            if s == sweeps - 1:
+                last = 1
+            for turn in range(2):
+                kind = (turn + reverse) % 2
+                if wp.static(threads):
+                    if kind != visited:
+                        barrier(state, parts)
+                visited = kind + 0
+                if kind == OWN:
+                    for half_way in range(2):
+                        if half_way == reverse:
+                            sweep(rows, lists.memory, own, other, h, reverse, last)
+                        else:
+                            sweep(rows, lists.wall_memory, other, own_end, h, reverse, last)
+                elif part == 0:
+                    for half_way in range(2):
+                        if half_way == reverse:
+                            sweep(rows, lists.memory, bridge, bridge_other, h, reverse, last)
+                        else:
+                            sweep(rows, lists.big_memory, bridge_other, bridge_end, h, reverse, last)
+        if wp.static(threads):
+            if visited == BRIDGE:
+                barrier(state, parts)
+
+    return solve
