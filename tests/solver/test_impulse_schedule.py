@@ -1,0 +1,67 @@
+"""Blocks of compliant rows: no body twice in a block, every near pair in one row, and few lanes without a row."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from grains import RADIUS, gas, grains
+
+from dembench.scene import Box, Scene
+from dembench.solver import Simulation
+from dembench.solver.impulse.compliant_stepper import CompliantImpulses
+from dembench.solver.lanes import LANES
+
+
+def bed(n: int = 1728) -> Scene:
+    """A crowd in a box with a ball of five radii in it."""
+    position, velocity, spin = gas(n, speed=0.5, spacing=2.02)
+    low, high = position.min(axis=0) - RADIUS, position.max(axis=0) + RADIUS
+    centre = (low + high) / 2
+    far = np.linalg.norm(position - centre, axis=1) > 6.1 * RADIUS
+    box = Box(name="box", material="grain", lower=tuple(low), upper=tuple(high))
+    return grains(
+        [*position[far], centre],
+        [*velocity[far], np.zeros(3)],
+        [*spin[far], np.zeros(3)],
+        radius=(RADIUS, 5 * RADIUS),
+        species=[*np.zeros(far.sum(), int), 1],
+        walls=(box,),
+        young=1e7,
+    )
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_rows_of_a_block_share_no_body_and_every_near_pair_has_one(threads: int) -> None:
+    simulation = Simulation(bed(), 2e-5, method="impulse", rows="compliant", threads=threads)
+    simulation.step(20)
+    stepper = simulation._stepper
+    assert isinstance(stepper, CompliantImpulses)
+    state, rows = stepper.state, stepper._rows
+    i, j, slot = (a.numpy().reshape(-1, LANES) for a in (rows.i, rows.j, rows.slot))
+    expected = {
+        (region, int(k))
+        for region, count in enumerate(state.near_count.numpy()[: 2 * threads])
+        for k in state.lists.near.numpy()[state.base.numpy()[region] :][:count]
+    }
+    found, filled, blocks = [], 0, 0
+    for part, segment in enumerate(stepper._segments()):
+        for block in range(segment.begin, segment.end):
+            used = slot[block] >= 0
+            bodies = np.concatenate([i[block][used], j[block][used]])
+            moving = bodies[bodies < state.total]
+            assert len(moving) == len(set(moving))
+            assert (i[block][~used] >= state.total).all() and (j[block][~used] >= state.total).all()
+            if block < segment.other:
+                pairs = slot[block][used]
+                assert (state.lists.i.numpy()[pairs] == i[block][used]).all()
+                assert (state.lists.j.numpy()[pairs] == j[block][used]).all()
+                found += [int(k) for k in pairs]
+                filled, blocks = filled + used.sum(), blocks + 1
+        if not segment.own:
+            bigs = segment.end - segment.other
+            assert bigs == (slot[segment.other : segment.end] >= 0).sum() == state.near_count.numpy()[2 * threads] > 0
+        else:
+            walls = (slot[segment.other : segment.end] >= 0).sum()
+            assert walls == state.wall_count.numpy()[part] > 0
+    assert sorted(found) == sorted(k for _, k in expected)
+    assert filled / (blocks * LANES) > 0.9
