@@ -32,7 +32,8 @@ class PecletSettings(EngineSettings):
         substeps: Substeps of a step with compliant rows; None takes as many as the contacts of a step need.
         velocity_sweeps: Sweeps over compliant rows in a substep, by default 1; largest number of sweeps over rigid rows
             in a step, by default 8.
-        position_sweeps: Largest number of position sweeps in a step with rigid rows, by default 12.
+        position_sweeps: Largest number of position sweeps in a step with rigid rows, by default 12; compliant rows make
+            none.
         stabilization: Rigid rows carry on after the sweeps where matter is at rest, until its weight is carried;
             compliant rows have none to leave out.
         arithmetic: Precision of impulses; positions and velocities are float64 always.
@@ -61,9 +62,12 @@ class PecletSettings(EngineSettings):
         return {**usual, **values}
 
     @model_validator(mode="after")
-    def _stabilized(self) -> PecletSettings:
+    def _of_rigid_rows(self) -> PecletSettings:
         if self.rows == "compliant" and not self.stabilization:
             raise ValueError("stabilization: compliant rows have none to leave out; write rows=rigid,stabilization=off")
+        if self.rows == "compliant" and self.position_sweeps:
+            given = f"position_sweeps={self.position_sweeps}"
+            raise ValueError(f"position_sweeps: compliant rows make none; write rows=rigid,{given}")
         return self
 
     def cores(self) -> int:

@@ -129,7 +129,7 @@ def suite() -> Suite:
             ),
             on_one_scene("sanity_bed", "A bed of 40 layers", scenes.bed, _bed, _bed_checks()),
         ),
-        settings={"dt": f"{scenes.DT:g}", "velocity_sweeps": "30", "position_sweeps": "10"},
+        settings={"dt": f"{scenes.DT:g}", "velocity_sweeps": "30"},
     )
 
 

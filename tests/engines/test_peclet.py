@@ -76,6 +76,16 @@ def test_only_rigid_rows_can_do_without_the_stabilization() -> None:
         peclet.settings(SOFT, "closed", {"stabilization": "off"})
 
 
+def test_only_rigid_rows_make_position_sweeps() -> None:
+    """Compliant rows would compute the same whatever their number, under other names."""
+    peclet = engine("peclet")
+    assert peclet.settings(RIGID, "closed", {"position_sweeps": "5"}).position_sweeps == 5
+    assert peclet.settings(SOFT, "closed", {"rows": "rigid", "position_sweeps": "5"}).position_sweeps == 5
+    assert peclet.settings(SOFT, "closed", {"position_sweeps": "0"}).position_sweeps == 0
+    with pytest.raises(SettingsError, match=r"compliant rows make none.*rows=rigid,position_sweeps=5"):
+        peclet.settings(SOFT, "closed", {"position_sweeps": "5"})
+
+
 @pytest.mark.parametrize(
     "given", [{"rows": "rigid", "substeps": "8"}, {"substeps": "0"}, {"rows": "soft"}, {"velocity_sweeps": "0"}]
 )
