@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from statistics import median
+
+from dembench.cases.published_results import PublishedResult
 from dembench.cases.run_times import RunTime
 from dembench.reports.entries import Group
 from dembench.reports.tables import Cell, Column, Table, decimals, grouped
-from dembench.reports.units import shown_in
+from dembench.reports.units import labelled, shown_in
 
+SHORT = 12
+"""So many results stand one by one [-]."""
 MARKS = {
     "a": "a: approximate, as quoted.",
     "c": "c: contended, the device was shared with other jobs, so the time is overstated.",
@@ -15,14 +22,62 @@ MARKS = {
 
 
 def published_results(group: Group) -> Table | None:
-    """One row per published result of a single code; None where there is none."""
+    """The published results of single codes; None where there is none.
+
+    One row per result, or, where there are more than `SHORT`, one per quantity with the results folded below.
+    """
     found = group.first.published_results
     if not found:
         return None
+    name, title = f"{group.name}-published", "Published results of other codes"
+    if len(found) <= SHORT:
+        return _single_results(found, name, title)
+    columns = (
+        Column("Quantity", kind="wrap"),
+        Column("Lowest", "and whose", "number"),
+        Column("Highest", "and whose", "number"),
+        Column("Median", kind="number", note="of single numbers, where there are three or more"),
+        Column("Results", kind="number"),
+    )
+    return Table(
+        name,
+        title,
+        columns,
+        tuple(_range(quantity, own) for quantity, own in _by_quantity(found)),
+        note="A result is that of one code, a mean of its runs or, where several were quoted together, a range.",
+        folded=_single_results(found, f"{name}-single", "Published results, one by one"),
+    )
+
+
+def _range(quantity: str, results: list[PublishedResult]) -> tuple[Cell, ...]:
+    """The row of a quantity: lowest and highest result, and the median of the single numbers."""
+    factor, unit = shown_in(results[0].unit, [r.value for r in results])
+    low = min(results, key=lambda r: r.value)
+    high = max(results, key=_upper)
+    single = [r.value for r in results if r.high is None]
+    return (
+        Cell(labelled(quantity, unit)),
+        replace(_as_published(factor * low.value), detail=low.code),
+        replace(_as_published(factor * _upper(high)), detail=high.code),
+        _as_published(factor * median(single)) if len(single) > 2 else Cell(),
+        Cell(str(len(results)), len(results)),
+    )
+
+
+def _upper(result: PublishedResult) -> float:
+    return result.value if result.high is None else result.high
+
+
+def _by_quantity(results: Sequence[PublishedResult]) -> Iterator[tuple[str, list[PublishedResult]]]:
+    for quantity in dict.fromkeys(r.quantity for r in results):
+        yield quantity, [r for r in results if r.quantity == quantity]
+
+
+def _single_results(found: Sequence[PublishedResult], name: str, title: str) -> Table:
+    """One row per result."""
     sources = list(dict.fromkeys(r.source for r in found))
     rows = []
-    for quantity in dict.fromkeys(r.quantity for r in found):
-        own = [r for r in found if r.quantity == quantity]
+    for quantity, own in _by_quantity(found):
         factor, unit = shown_in(own[0].unit, [r.value for r in own])
         for r in own:
             source = Cell(f"[{sources.index(r.source) + 1}]")
@@ -40,9 +95,7 @@ def published_results(group: Group) -> Table | None:
         Column("Source"),
     )
     footnotes = tuple(f"[{k + 1}] {source}" for k, source in enumerate(sources))
-    return Table(
-        f"{group.name}-published", "Published results of other codes", columns, tuple(rows), footnotes=footnotes
-    )
+    return Table(name, title, columns, tuple(rows), footnotes=footnotes)
 
 
 def _as_published(value: float) -> Cell:

@@ -45,7 +45,18 @@ class Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of a page; `name` is unique on it, `tag` stands beside the title: what to know of all its rows first."""
+    """A table of a page.
+
+    Attributes:
+        name: Unique on the page.
+        title: Its heading.
+        columns: Its columns.
+        rows: A cell for each column.
+        note: A line above it; what stands between backticks is code.
+        footnotes: Lines below it, likewise.
+        tag: Stands beside the title: what to know of all its rows first.
+        folded: A table of details that a reader unfolds below it.
+    """
 
     name: str
     title: str
@@ -54,6 +65,7 @@ class Table:
     note: str = ""
     footnotes: tuple[str, ...] = ()
     tag: str = ""
+    folded: Table | None = None
 
 
 def numbers(values: Iterable[float | None], digits: int = 3, most: int = 6) -> list[Cell]:

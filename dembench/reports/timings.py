@@ -15,11 +15,11 @@ RATIO = Column(
 MARKS = {
     "c": "c: contended, other programs used its cores before or while it ran, so the time is overstated.",
     "l": "l: another contact law than the scene's; such a time compares methods, not implementations, and is not "
-    "ranked in the closed division; a run with --division open ranks it.",
+    "ranked in the closed division; a run with `--division open` ranks it.",
     "p": "p: partial, the run ended before its simulated time; the time is that of the part.",
     "r": "r: resumed from a checkpoint after an interruption; the time is that of all attempts together.",
     "s": "s: own time step, not that of the closed division; such a time compares methods, not implementations, and is "
-    "not ranked; a run with --division open compares engines each in its best way.",
+    "not ranked; a run with `--division open` compares engines each in its best way.",
     "w": "w: wall time of the engine's process, since the engine gives no time of its stepping loop.",
 }
 

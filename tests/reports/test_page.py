@@ -282,10 +282,28 @@ def test_a_resumed_run_says_from_where(stand_ins: None, tmp_path: Path) -> None:
 
 def test_published_results_of_single_codes_stand_as_they_were_published(read: Page) -> None:
     """With their deviation over initial conditions, as a range where that is known, and with no more digits."""
-    columns = [read.column("scene1-published", name) for name in ("Code", "Quantity", "Value", "Standard deviation")]
+    titles = ("Code", "Quantity", "Value", "Standard deviation")
+    columns = [read.column("scene1-published-single", name) for name in titles]
     rows = {(code.text.strip(), what.text[:8]): cells for code, what, *cells in zip(*columns, strict=True)}
     value, deviation = rows["Yade", "Deepest "]
     assert (value.text.strip(), deviation.text.strip()) == ("\u2212138.5", "0.22")
     assert rows["MercuryDPM", "Deepest "][0].text.strip() == "\u2212138.48"
     assert rows["seven codes, single runs", "Displace"][0].text.strip() == "\u221275.8 to \u221231.3"
     assert rows["peclet impulse, published file", "Displace"][0].text.strip() == "\u2212140.2"
+
+
+def test_many_published_results_are_summed_up_by_quantity(read: Page) -> None:
+    """The range of each quantity with the codes at its ends; what was published as a range counts with its ends."""
+    columns = [read.column("scene1-published", name) for name in ("Quantity", "Lowest", "Highest", "Median", "Results")]
+    rows = {what.text[:8]: [cell.text.strip() for cell in cells] for what, *cells in zip(*columns, strict=True)}
+    low, high, middle, count = rows["Displace"]
+    assert low.startswith("\u2212140.2") and "peclet impulse, published file" in low
+    assert high.startswith("\u221211.5") and "peclet Hertz, published file" in high
+    assert (middle, count) == ("\u221249.2", "9")
+    single = read.column("scene1-published-single", "Quantity")
+    assert sum(int(cell.text) for cell in columns[-1]) == len(single)
+
+
+def test_what_stands_between_backticks_is_code(text: str) -> None:
+    """A footnote names an option; markup of strangers in one would stay text."""
+    assert "a run with <code>--division open</code> " in text
