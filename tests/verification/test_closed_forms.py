@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -111,9 +112,15 @@ def flown(volley: Volley, e: float, mu: float) -> Any:
     for shot in volley.shots:
         n = 2 if shot.partner else 1
         shares = masses[body : body + n][::-1] / masses[body : body + n].sum() if shot.partner else [1.0]
-        push = mu * (1 + e) * shot.speed
+        normal, speed = np.array([0.0, 0, 1]), shot.speed
+        if shot.partner:
+            start, moving = x[body] - x[body + 1], v[body] - v[body + 1]
+            normal = (start + touch * moving) / np.linalg.norm(start + touch * moving)
+            speed = -moving @ normal
+        push = mu * (1 + e) * speed
+        blow = (1 + e) * speed * normal - push * np.array([normal[2], 0, -normal[0]])
         for k, (share, sign) in enumerate(zip(shares, (1, -1), strict=False)):
-            after_v[body + k] += sign * share * np.array([-push, 0, (1 + e) * shot.speed])
+            after_v[body + k] += sign * share * blow
             after_w[body + k, 1] += SPHERE * share * push / volley.kinds[(shot.kind, shot.partner)[k]].radius
         body += n
     before = time[:, None, None] < touch
@@ -131,11 +138,20 @@ def flown(volley: Volley, e: float, mu: float) -> Any:
 
 
 def test_rigid_contacts_meet_what_holds_for_any_law() -> None:
-    """Bodies that are thrown back at once, with Coulomb's impulse: nothing but the collisions in the scene counts."""
+    """Bodies that are thrown back at once, with Coulomb's impulse: nothing but the collisions in the scene counts.
+
+    The line of centres of two is known at the recorded times, the nearest 0.37 of a step from the touch; it turns by
+    2.23e-5 meanwhile at 75 degrees. Along the tangent of then, the normal impulse adds this share of itself, which is
+    1/0.092 of the tangential one, and the bound is that of a speed of approach that differs by tan 75 times as much.
+    At the touch the line of centres stands 0.4 degrees from the normal of the 75 degrees, so tan 75 is 3 % too large.
+    """
     volley = chung_ooi.GRAIN_VOLLEY
     found = experiment(volley.name).measure({volley.name: flown(volley, 0.98, 0.092)})
-    for id in ("CO4a", "CO4b", "CO4c", "CO4d", "IM1a", "IM3a", "IM3b"):
+    for id in ("CO4a", "CO4b", "CO4c", "CO4d", "IM1a"):
         assert found[id] == pytest.approx(0, abs=1e-9), id
+    turned = 2.23e-5
+    assert found["IM3a"] == pytest.approx(turned * (1 / 0.092 + math.tan(math.radians(75))), rel=0.02)
+    assert found["IM3b"] == pytest.approx(turned * math.tan(math.radians(75)), rel=0.03)
     assert found["CO3a"] == pytest.approx(0.98)
 
 

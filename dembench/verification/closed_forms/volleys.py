@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dembench.results import Result
-from dembench.results.schema import SnapshotSeries
 from dembench.scene import PairLaw, Scene
 from dembench.scene.materials import Law
 from dembench.verification.closed_forms.collisions import Contact
@@ -112,8 +111,12 @@ class Volley:
         )
 
     def seen(self, result: Result) -> list[tuple[Shot, Outcome]]:
-        """Every shot with what became of it."""
-        return list(zip(self.shots, self.outcomes(result), strict=True))
+        """Every shot with what became of it.
+
+        Of two spheres both are measured from the line of centres where these are closest: in the middle of a soft
+        contact, at the touch of a rigid one, which turn as far apart as the spheres slide past each other meanwhile.
+        """
+        return [(self._shot(*one), self._outcome(*one)) for one in self._flights(result)]
 
     def bodies(self) -> list[Body]:
         """The spheres, of two that meet the upper one first."""
@@ -136,39 +139,65 @@ class Volley:
 
     def outcomes(self, result: Result) -> list[Outcome]:
         """What became of every shot."""
-        seen = result.snapshots[MOTION]
-        masses, moments = result.scene.masses(), result.scene.moments()[:, 0]
-        found, body = [], 0
-        for shot in self.shots:
-            n = 2 if shot.partner else 1
-            found.append(self._outcome(shot, seen, slice(body, body + n), masses, moments))
-            body += n
-        return found
+        return [outcome for _, outcome in self.seen(result)]
 
-    def _outcome(
-        self, shot: Shot, seen: SnapshotSeries, own: slice, masses: np.ndarray, moments: np.ndarray
-    ) -> Outcome:
-        x, v, w = seen.position[:, own], seen.velocity[:, own], seen.angular_velocity[:, own]
-        radius, mass = self.kinds[shot.kind].radius, masses[own]
-        if shot.partner:
-            radius += self.kinds[shot.partner].radius
-            offset, velocity, mass_r = x[:, 0] - x[:, 1], v[:, 0] - v[:, 1], mass[0] * mass[1] / mass.sum()
-        else:
+    def _flights(self, result: Result) -> Iterator[tuple[Shot, _Flight]]:
+        seen, body = result.snapshots[MOTION], 0
+        masses, moments = result.scene.masses(), result.scene.moments()[:, 0]
+        for shot in self.shots:
+            own = slice(body, body + (2 if shot.partner else 1))
+            x, v, w = seen.position[:, own], seen.velocity[:, own], seen.angular_velocity[:, own]
+            mass, radius, normal = masses[own], self.kinds[shot.kind].radius, np.array([0.0, 0, 1])
             offset, velocity, mass_r = x[:, 0], v[:, 0], mass[0]
-        overlap = radius - (np.linalg.norm(offset, axis=1) if shot.partner else offset[:, 2])
-        rebound = velocity[-1, 2]
-        energy = 0.5 * (mass * (v**2).sum(axis=2) + moments[own] * (w**2).sum(axis=2)).sum(axis=1)
-        force = mass_r * np.gradient(velocity[:, 2], seen.time)
+            if shot.partner:
+                radius += self.kinds[shot.partner].radius
+                offset, velocity, mass_r = offset - x[:, 1], velocity - v[:, 1], mass[0] * mass[1] / mass.sum()
+                closest = offset[np.argmin(np.linalg.norm(offset, axis=1))]
+                normal = closest / np.linalg.norm(closest)
+            overlap = radius - (np.linalg.norm(offset, axis=1) if shot.partner else offset[:, 2])
+            energy = 0.5 * (mass * (v**2).sum(axis=2) + moments[own] * (w**2).sum(axis=2)).sum(axis=1)
+            along = velocity @ (normal[2], 0, -normal[0])
+            yield shot, _Flight(seen.time, overlap, velocity @ normal, along, -w[:, :, 1], mass_r, energy)
+            body += len(mass)
+
+    def _shot(self, shot: Shot, flight: _Flight) -> Shot:
+        """A shot as it met its partner."""
+        return replace(shot, speed=-flight.normal[0], along=flight.along[0]) if shot.partner else shot
+
+    def _outcome(self, shot: Shot, flight: _Flight) -> Outcome:
+        rebound = flight.normal[-1]
         return Outcome(
             rebound=rebound,
-            along=velocity[-1, 0],
-            spin=-w[-1, 0, 1],
-            partner_spin=-w[-1, 1, 1] if shot.partner else 0.0,
-            overlap=peak(overlap),
-            force=peak(force),
-            duration=seen.time[-1] + overlap[-1] / rebound - LEAD * self.time_step if rebound > 0 else np.nan,
-            energy=energy[-1] / energy[0],
+            along=flight.along[-1],
+            spin=flight.spins[-1, 0],
+            partner_spin=flight.spins[-1, 1] if shot.partner else 0.0,
+            overlap=peak(flight.overlap),
+            force=peak(flight.mass * np.gradient(flight.normal, flight.time)),
+            duration=flight.time[-1] + flight.overlap[-1] / rebound - LEAD * self.time_step if rebound > 0 else np.nan,
+            energy=flight.energy[-1] / flight.energy[0],
         )
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """A collision over time.
+
+    Attributes:
+        time: [s], shape (t,).
+        overlap: Distance by which surfaces overlap [m], shape (t,).
+        normal, along: Relative velocity along the normal, positive in parting, and along the tangent [m/s], shape (t,).
+        spins: In the sense of the shot's [rad/s], shape (t, bodies).
+        mass: Reduced mass [kg].
+        energy: Kinetic energy [J], shape (t,).
+    """
+
+    time: np.ndarray
+    overlap: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
+    spins: np.ndarray
+    mass: float
+    energy: np.ndarray
 
 
 def peak(values: np.ndarray) -> float:
