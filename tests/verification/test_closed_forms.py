@@ -169,7 +169,7 @@ def test_angular_momentum_about_the_contact_is_seen_on_both_sides() -> None:
     found = experiment(volley.name).measure({volley.name: flown(volley, 0.5, 0.4)})
     assert found["CO6g"] == pytest.approx(0, abs=1e-9) and found["CO8c"] == pytest.approx(0, abs=2e-6)
     assert found["CO6a"] == pytest.approx(0.12) and not checks()["CO6a"].accepts(found["CO6a"])
-    assert found["CO7c"] == pytest.approx(0.5)
+    assert found["CO7c"] == pytest.approx(0.5, abs=1e-5)
     assert not checks()["CO7b"].accepts(found["CO7b"])  # here friction acts where nothing slides
 
 
