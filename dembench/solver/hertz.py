@@ -10,9 +10,10 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.contact_lanes import near_pairs_function
 from dembench.solver.contacts import StepOptions, force_functions, load_functions
 from dembench.solver.neighbours import near_functions
-from dembench.solver.pairs import ONE, TABLE, pair_lookup
+from dembench.solver.pairs import pair_lookup
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.sync import barrier, row_functions
 from dembench.solver.types import types, vec8d
@@ -20,9 +21,6 @@ from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
-
-PREFETCH = wp.constant(12)
-"""How many pairs ahead the second body of a pair is asked for."""
 
 
 @cache
@@ -42,8 +40,8 @@ def advance_kernel(o: StepOptions) -> Any:
     rows = row_functions(Bodies, vec8, Lists, vec4, o.rotation)
     load_of = load_functions(o.law.precision, o.rotation)
     get_load, put_load = load_of.get, load_of.put
-    kin_of, spin_of, add_load, prefetch = rows.kin, rows.spin, rows.add_load, rows.prefetch
-    memory_of, set_memory, entry = rows.memory_of, rows.set_memory, rows.entry
+    add_load = rows.add_load
+    near_pairs = near_pairs_function(o)
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     near = near_functions(o.law.precision, o.periodic, o.radii, o.law.friction)
     pick_near, pick_big = near.pick_near, near.pick_big
@@ -52,7 +50,6 @@ def advance_kernel(o: StepOptions) -> Any:
     of_loads, loads = wall_load_functions(o.walls), o.walls.loads
     clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     bigs, rotation, threads, friction = o.bigs, o.rotation, o.threads, o.law.friction
-    alike = o.alike and o.pairs in (ONE, TABLE)
 
     @wp.func
     def kick(b: Bodies, i: int, k: vec8d, times: int, half: wp.float64, gravity: wp.vec3d):
@@ -84,64 +81,6 @@ def advance_kernel(o: StepOptions) -> Any:
         b.kin[i] = vec8d(k[0] + dt * k[3], k[1] + dt * k[4], k[2] + dt * k[5], k[3], k[4], k[5], k[6], k[7])
         put_load(b, i, vec8())
         return k[3] * k[3] + k[4] * k[4] + k[5] * k[5]
-
-    @wp.func
-    def near_pairs(
-        b: Bodies,
-        lists: Lists,
-        base: int,
-        count: int,
-        table: wp.array(dtype=PairClass),
-        columns: int,
-        dt: real,
-    ):
-        """All near pairs of a region, which stand sorted by i: what concerns i is read and written once per run."""
-        largest = real(0.0)
-        current = int(-1)
-        ki = vec8d()
-        wi = vec3()
-        total = vec8()
-        c = PairClass()
-        if wp.static(alike):
-            if count > 0:
-                c = of_pair(b, lists.i[lists.near[base]], lists.j[lists.near[base]], table, columns)
-        for q in range(count):
-            k = entry(lists.near, base + q)
-            i, j = entry(lists.i, k), entry(lists.j, k)
-            if q + PREFETCH < count:
-                prefetch(b, entry(lists.j, entry(lists.near, base + q + PREFETCH)))
-            if i != current:
-                if current >= 0:
-                    add_load(b, current, total)
-                current = i + 0
-                ki = kin_of(b, i)
-                if wp.static(friction):
-                    w = spin_of(b, i)
-                    wi = vec3(w[0], w[1], w[2])
-                total = vec8()
-            kj = kin_of(b, j)
-            wj = vec3()
-            if wp.static(friction):
-                u = spin_of(b, j)
-                wj = vec3(u[0], u[1], u[2])
-            if wp.static(not alike):
-                c = of_pair(b, i, j, table, columns)
-            memory = vec4()
-            if wp.static(friction):
-                memory = memory_of(lists, k)
-            on_i, on_j, after, overlap = pair(b, i, j, ki, kj, wi, wj, memory, c, dt)
-            if overlap > real(0.0):
-                total = total + on_i
-                add_load(b, j, on_j)
-                largest = wp.max(largest, overlap)
-                if wp.static(friction):
-                    set_memory(lists, k, after)
-            elif memory[3] != real(0.0):
-                if wp.static(friction):
-                    set_memory(lists, k, vec4())
-        if current >= 0:
-            add_load(b, current, total)
-        return largest
 
     @wp.func
     def wall_contacts(
