@@ -15,23 +15,21 @@ from dembench.solver.laws import ROLLING_SHARE
 from dembench.solver.pairs import LINEAR_RADII, ONE, RADII, TABLE
 from dembench.solver.types import types
 
-# Bodies, velocities and overlaps of a block; lanes beyond the last pair repeat it and do not touch.
+# Bodies, velocities and overlaps of a block; lanes beyond the last pair repeat it.
 _GEOMETRY = """
     int slot[W], i[W], j[W];
-    F used;
-    for (int k = 0; k < W; ++k) {
-        int q = begin + k < end ? begin + k : end - 1;
-        used[k] = begin + k < end ? 1 : 0;
-        slot[k] = lists.near.data[q];
-        i[k] = lists.i.data[slot[k]];
-        j[k] = lists.j.data[slot[k]];
-    }
-    for (int q = begin + 2 * W; q < begin + 3 * W && q < end; ++q) {
-        int next = lists.j.data[lists.near.data[q]];
-        __builtin_prefetch(kin + 8 * next);
-        if constexpr (friction) __builtin_prefetch(spin + 4 * next);
-        __builtin_prefetch(load + width * next, 1);
-    }
+    const int rest = end - begin;
+    if (rest >= W) __builtin_memcpy(slot, lists.near.data + begin, sizeof(slot));
+    else for (int k = 0; k < W; ++k) slot[k] = lists.near.data[k < rest ? begin + k : end - 1];
+    for (int k = 0; k < W; ++k) i[k] = lists.i.data[slot[k]];
+    for (int k = 0; k < W; ++k) j[k] = lists.j.data[slot[k]];
+    if (rest >= 3 * W)
+        for (int q = begin + 2 * W; q < begin + 3 * W; ++q) {
+            int next = lists.j.data[lists.near.data[q]];
+            __builtin_prefetch(kin + 8 * next);
+            if constexpr (friction) __builtin_prefetch(spin + 4 * next);
+            __builtin_prefetch(load + width * next, 1);
+        }
     D ki[8], kj[8];
     doubles8(kin, i, ki);
     doubles8(kin, j, kj);
@@ -48,7 +46,7 @@ _GEOMETRY = """
     if constexpr (radii) { ri = ki[6]; rj = kj[6]; }
     D sum = ri + rj;
     F inside = __builtin_convertvector(sum * sum - (d0 * d0 + d1 * d1 + d2 * d2), F);
-    auto touch = (used > 0) & (inside > 0);
+    auto touch = inside > 0;
     // (sum^2 - r^2)/(sum + r) keeps the overlap exact in single precision where sum - r would not
     F e0 = __builtin_convertvector(d0, F), e1 = __builtin_convertvector(d1, F), e2 = __builtin_convertvector(d2, F);
     F r = root(e0 * e0 + e1 * e1 + e2 * e2), both = __builtin_convertvector(sum, F);
@@ -128,7 +126,8 @@ _FORCE = """
             F g0 = gi * t0 - gj * back0, g1 = gi * t1 - gj * back1, g2 = gi * t2 - gj * back2;
             F drives = g0 * (w0 + h * g0) + g1 * (w1 + h * g1) + g2 * (w2 + h * g2), sum_i = gi + gj;
             real part = h > 0 ? rolling_share / h : 0;
-            F taken = drives >= 0 ? one : zero, all = (sum_i > 0) & (full(h) > 0) ? -1 / sum_i : zero;
+            F taken = drives >= 0 ? one : zero, all = sum_i > 0 ? -1 / sum_i : zero;
+            if (h == 0) all = zero;
             F q0 = all * (part * w0 + taken * g0), q1 = all * (part * w1 + taken * g1);
             F q2 = all * (part * w2 + taken * g2), size = root(q0 * q0 + q1 * q1 + q2 * q2);
             F most = rolls * (fn < 0 ? -fn : fn), kept = size > most ? most / size : one;
@@ -136,9 +135,7 @@ _FORCE = """
             back0 -= kept * q0; back1 -= kept * q1; back2 -= kept * q2;
         }
         F after[4] = {touch ? x0 : zero, touch ? x1 : zero, touch ? x2 : zero, touch ? one : zero};
-        int changed[W];
-        for (int k = 0; k < W; ++k) changed[k] = touch[k] || (used[k] != 0 && m[3][k] != 0) ? slot[k] : -1;
-        put4(memory, changed, after);
+        put4(memory, slot, after);
     }
 """
 
@@ -164,10 +161,11 @@ for (int begin = base; begin < end; begin += W) {
     + _CONSTANTS
     + _FORCE
     + """
-    for (int k = 0; k < W; ++k) {
-        i[k] = touch[k] ? i[k] : -1;
-        j[k] = touch[k] ? j[k] : -1;
-    }
+    F acts = touch ? one : zero;
+    for (int k = rest; k < W; ++k) acts[k] = 0;
+    f0 *= acts; f1 *= acts; f2 *= acts;
+    t0 *= acts; t1 *= acts; t2 *= acts;
+    back0 *= acts; back1 *= acts; back2 *= acts;
     if constexpr (width == 8) {
         F on_i[8] = {f0, f1, f2, zero, t0, t1, t2, zero}, on_j[8] = {-f0, -f1, -f2, zero, back0, back1, back2, zero};
         add8(load, i, on_i);

@@ -12,11 +12,12 @@ import warp as wp
 
 from dembench.solver.contact_lanes import near_pairs_function
 from dembench.solver.contacts import StepOptions, force_functions, load_functions
+from dembench.solver.kick_lanes import move_function
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD
 from dembench.solver.sync import barrier, row_functions
-from dembench.solver.types import types, vec8d
+from dembench.solver.types import types
 from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
@@ -40,7 +41,7 @@ def advance_kernel(o: StepOptions) -> Any:
     rows = row_functions(Bodies, vec8, Lists, vec4, o.rotation)
     load_of = load_functions(o.law.precision, o.rotation)
     get_load, put_load = load_of.get, load_of.put
-    add_load = rows.add_load
+    add_load, move = rows.add_load, move_function(o)
     near_pairs = near_pairs_function(o)
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     near = near_functions(o.law.precision, o.periodic, o.radii, o.law.friction)
@@ -50,37 +51,6 @@ def advance_kernel(o: StepOptions) -> Any:
     of_loads, loads = wall_load_functions(o.walls), o.walls.loads
     clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
     bigs, rotation, threads, friction = o.bigs, o.rotation, o.threads, o.law.friction
-
-    @wp.func
-    def kick(b: Bodies, i: int, k: vec8d, times: int, half: wp.float64, gravity: wp.vec3d):
-        """Half a step of acceleration, `times` times; rounded after each, so that blocks may end anywhere."""
-        load = get_load(b, i)
-        m = b.inv_m[i]
-        out = k
-        if m > real(0.0):
-            ax = half * (wp.float64(load[0] * m) + gravity[0])
-            ay = half * (wp.float64(load[1] * m) + gravity[1])
-            az = half * (wp.float64(load[2] * m) + gravity[2])
-            vx, vy, vz = k[3] + ax, k[4] + ay, k[5] + az
-            if times == 2:
-                vx, vy, vz = vx + ax, vy + ay, vz + az
-            out = vec8d(k[0], k[1], k[2], vx, vy, vz, k[6], k[7])
-        if wp.static(rotation):
-            g = real(half) * b.inv_i[i]
-            turn = vec4(g * load[4], g * load[5], g * load[6], real(0.0))
-            w = b.spin[i] + turn
-            if times == 2:
-                w = w + turn
-            b.spin[i] = w
-        return out
-
-    @wp.func
-    def kick_drift(b: Bodies, i: int, pending: int, dt: wp.float64, gravity: wp.vec3d):
-        """The second half kick of the last step where it is pending, the first of this one, and the drift."""
-        k = kick(b, i, b.kin[i], 1 + pending, dt * wp.float64(0.5), gravity)
-        b.kin[i] = vec8d(k[0] + dt * k[3], k[1] + dt * k[4], k[2] + dt * k[5], k[3], k[4], k[5], k[6], k[7])
-        put_load(b, i, vec8())
-        return k[3] * k[3] + k[4] * k[4] + k[5] * k[5]
 
     @wp.func
     def wall_contacts(
@@ -198,6 +168,7 @@ def advance_kernel(o: StepOptions) -> Any:
         slot = 4 + 4 * part
         poses = part * walls.motions.shape[0]
         going = int(1)
+        moved = wp.float64(0.0)
         if wp.static(threads):
             barrier(state, parts)
         while going == 1 and (done < steps or mid == 1):
@@ -205,17 +176,14 @@ def advance_kernel(o: StepOptions) -> Any:
                 now = dt * (first + wp.float64(done + 1))
                 place(walls, poses, now, now)
             if mid == 0:
-                fastest, fastest_big, check = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
-                for i in range(begin, end):
-                    speed = kick_drift(b, i, pending, dt, gravity)
-                    fastest = wp.max(fastest, speed)
-                    check += speed
+                # the second half kick of the last step where it is pending, the first of this one, and the drift
+                speeds = move(b, begin, end, 1 + pending, half, dt, gravity)
+                fastest, check, fastest_big = speeds[0] + zero, speeds[1] + zero, wp.float64(0.0)
                 if wp.static(bigs):
                     if part == 0:
-                        for i in range(n, total):
-                            speed = kick_drift(b, i, pending, dt, gravity)
-                            fastest_big = wp.max(fastest_big, speed)
-                            check += speed
+                        speeds = move(b, n, total, 1 + pending, half, dt, gravity)
+                        fastest_big = speeds[0] + zero
+                        check += speeds[1]
                 if wp.static(threads):
                     travel[slot] = fastest
                     travel[slot + 1] = fastest_big
@@ -245,10 +213,12 @@ def advance_kernel(o: StepOptions) -> Any:
                 mid = 1
             if going == 1:
                 if two * since_near > near_skin or since_near < zero:
-                    near_count[2 * part] = pick_near(b, lists, base[2 * part], pair_count[2 * part], near_skin)
-                    near_count[2 * part + 1] = pick_near(
-                        b, lists, base[2 * part + 1], pair_count[2 * part + 1], near_skin
-                    )
+                    # a pair that remembers has touched in the step before: it is near, unless a step is that long
+                    forget = int(0)
+                    if since_near < zero or two * moved > near_skin:
+                        forget = 1
+                    for region in range(2 * part, 2 * part + wp.static(2 if threads else 1)):
+                        near_count[region] = pick_near(b, lists, base[region], pair_count[region], near_skin, forget)
                     since_near = zero
                 if wp.static(bigs):
                     if since_big > big_skin or since_big < zero:
@@ -314,12 +284,10 @@ def advance_kernel(o: StepOptions) -> Any:
                 pending = 1
                 done += 1
         if mid == 0 and pending == 1 and memory_dt > real(0.0):
-            for i in range(begin, end):
-                b.kin[i] = kick(b, i, b.kin[i], 1, half, gravity)
+            move(b, begin, end, 1, half, zero, gravity)
             if wp.static(bigs):
                 if part == 0:
-                    for i in range(n, total):
-                        b.kin[i] = kick(b, i, b.kin[i], 1, half, gravity)
+                    move(b, n, total, 1, half, zero, gravity)
         travel[slot + 3] = wp.float64(overlap)
         if part == 0:
             travel[0] = since_build

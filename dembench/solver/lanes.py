@@ -14,8 +14,9 @@ def prelude(precision: str, **constants: bool | int | float) -> str:
     """C++ that declares the vector types, access to arrays by lanes, and compile-time constants by name.
 
     at(p), to(p, x): lanes that stand side by side. rows4, rows8, doubles8(p, n, f): the rows n[lane] of an array whose
-    rows have 4 or 8 entries, entry k of all of them in f[k]; put4, put8(p, n, f) write them
-    where n[lane] is not negative, add4, add8 add them one after the other. larger, smaller, root: by lanes.
+    rows have 4 or 8 entries, entry k of all of them in f[k]; put4, put8, put_doubles8(p, n, f) write
+    them where n[lane] is not negative, add4, add8 add all of them one after the other; both leave f turned. larger,
+    smaller, root: by lanes.
     """
     real = {"float32": "float", "float64": "double"}[types(precision).precision]
     kinds = {bool: "bool", int: "int", float: "real"}
@@ -35,8 +36,9 @@ auto root = [](auto a) {{ return __builtin_elementwise_sqrt(a); }};
 {_gather("rows4", "real", "F", 4)}
 {_gather("rows8", "real", "F", 8)}
 {_gather("doubles8", "double", "D", 8)}
-{_scatter("put4", 4)}
-{_scatter("put8", 8)}
+{_scatter("put4", "real", "F", 4)}
+{_scatter("put8", "real", "F", 8)}
+{_scatter("put_doubles8", "double", "D", 8)}
 {_add("add4", 4)}
 {_add("add8", 8)}
 """
@@ -52,31 +54,31 @@ def _gather(name: str, real: str, vector: str, size: int) -> str:
 }};"""
 
 
-def _scatter(name: str, size: int) -> str:
+def _scatter(name: str, real: str, vector: str, size: int) -> str:
     """A function that turns entries back into rows and stores those with an index that is not negative."""
-    return f"""auto {name} = [](real* p, const int* n, F* f) {{
+    return f"""auto {name} = []({real}* p, const int* n, {vector}* f) {{
     {_turned(size)}
     for (int k = 0; k < {size}; ++k)
         for (int g = 0; g < W / {size}; ++g)
             if (n[k + {size} * g] >= 0)
-                __builtin_memcpy(p + {size} * n[k + {size} * g], (real*)&f[k] + g * {size}, {size} * sizeof(real));
+                __builtin_memcpy(p + {size} * n[k + {size} * g], ({real}*)&f[k] + g * {size}, {size} * sizeof({real}));
 }};"""
 
 
 def _add(name: str, size: int) -> str:
-    """A function that turns entries back into rows and adds those with an index that is not negative."""
+    """A function that turns entries back into rows and adds them."""
     return f"""auto {name} = [](real* p, const int* n, F* f) {{
     typedef real Row __attribute__((vector_size({size} * sizeof(real)), aligned(sizeof(real))));
     {_turned(size)}
     for (int g = 0; g < W / {size}; ++g)
         for (int k = 0; k < {size}; ++k)
-            if (n[k + {size} * g] >= 0) {{
-                Row row, sum;
-                __builtin_memcpy(&row, (real*)&f[k] + g * {size}, sizeof(Row));
-                __builtin_memcpy(&sum, p + {size} * n[k + {size} * g], sizeof(Row));
-                sum += row;
-                __builtin_memcpy(p + {size} * n[k + {size} * g], &sum, sizeof(Row));
-            }}
+        {{
+            Row row, sum;
+            __builtin_memcpy(&row, (real*)&f[k] + g * {size}, sizeof(Row));
+            __builtin_memcpy(&sum, p + {size} * n[k + {size} * g], sizeof(Row));
+            sum += row;
+            __builtin_memcpy(p + {size} * n[k + {size} * g], &sum, sizeof(Row));
+        }}
 }};"""
 
 

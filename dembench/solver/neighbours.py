@@ -333,7 +333,7 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
     )
 
 
-# Writes the pairs of a region with a gap below `skin` into `near`, returns their number, and has the others forget.
+# Writes the pairs of a region with a gap below `skin` into `near` and returns their number.
 _PICK_NEAR = """
 const double* kin = (const double*)bodies.kin.data;
 int found = 0;
@@ -355,14 +355,17 @@ for (int first = base; first < base + count; first += W) {
     }
     if constexpr (radii) reach = ki[6] + kj[6] + skin;
     auto near = d0 * d0 + d1 * d1 + d2 * d2 < reach * reach;
-    for (int k = 0; k < W && first + k <= last; ++k) {
-        int pair = first + k;
-        if (near[k]) lists.near.data[base + found++] = pair;
-        else if constexpr (history) {
-            real* memory = (real*)lists.memory.data + 4 * pair;
-            if (memory[3] != 0) memory[0] = memory[1] = memory[2] = memory[3] = 0;
-        }
+    const int block = last - first + 1 < W ? last - first + 1 : W;
+    for (int k = 0; k < block; ++k) {
+        lists.near.data[base + found] = first + k;
+        found += near[k] ? 1 : 0;
     }
+    if constexpr (history)
+        if (forget)
+            for (int k = 0; k < block; ++k) {
+                real* memory = (real*)lists.memory.data + 4 * (first + k);
+                if (!near[k] && memory[3] != 0) memory[0] = memory[1] = memory[2] = memory[3] = 0;
+            }
 }
 return found;
 """
@@ -372,7 +375,8 @@ return found;
 def near_functions(precision: str, periodic: bool, radii: bool, history: bool) -> Any:
     """Warp functions that pick the near pairs of a region and the candidates of the large bodies.
 
-    `radii`: bodies have different ones; `history`: contacts have a memory.
+    `radii`: bodies have different ones; `history`: contacts have a memory, which with `forget` = 1 the pairs lose that
+    are not near. Otherwise none of those may have one.
     """
     t = types(precision)
     real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
@@ -382,7 +386,7 @@ def near_functions(precision: str, periodic: bool, radii: bool, history: bool) -
     radius = radius_function(precision, radii)
 
     @wp.func_native(prelude(precision, periodic=periodic, radii=radii, history=history) + _PICK_NEAR)
-    def pick_near(bodies: Bodies, lists: Lists, base: int, count: int, skin: wp.float64) -> int: ...
+    def pick_near(bodies: Bodies, lists: Lists, base: int, count: int, skin: wp.float64, forget: int) -> int: ...
 
     @wp.func
     def pick_big(b: Bodies, lists: Lists, n: int, total: int, skin: wp.float64, capacity: int):

@@ -158,7 +158,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         fresh, unscheduled = int(1), int(1)
         substeps_made = wp.float64(0.0)
         fewest, most = int(state[8]), int(state[9])
-        deepest = real(0.0)
+        deepest, moved = real(0.0), wp.float64(0.0)
         fall, finer = vec4(), wp.vec3d()
         fastest, fastest_big = largest_square(b, begin_small, end_small), largest_square(b, begin_big, end_big)
         if wp.static(threads):
@@ -253,9 +253,13 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     going = 0
                 else:
                     near_gap = wanted
-                    near_count[inside] = pick_near(b, lists, base[inside], pair_count[inside], wanted)
+                    # a pair that remembers has touched in the substep before: it is near, unless that was so long
+                    forget = int(0)
+                    if unscheduled == 1 or since_near < zero or two * moved > wanted:
+                        forget = 1
+                    near_count[inside] = pick_near(b, lists, base[inside], pair_count[inside], wanted, forget)
                     if wp.static(threads):
-                        near_count[across] = pick_near(b, lists, base[across], pair_count[across], wanted)
+                        near_count[across] = pick_near(b, lists, base[across], pair_count[across], wanted, forget)
                         barrier(state, parts)
                     since_near = wp.float64(0.0)
                     relisted = 1
@@ -383,7 +387,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     for p in range(parts):
                         check += travel[slots + wp.static(PER_THREAD) * p + 2]
                 fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
-                moved, moved_big = h * wp.max(before, fastest), h * wp.max(before_big, fastest_big)
+                moved = h * wp.max(before, fastest)
+                moved_big = h * wp.max(before_big, fastest_big)
                 if wp.static(meshes):
                     moved = wp.max(moved, moved_big)
                 if wp.static(timed):

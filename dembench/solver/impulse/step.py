@@ -166,7 +166,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 going = 0
             if going == 1 and (since_near < wp.float64(0.0) or two * (since_near + reach) + margin > travel[4]):
                 travel[4] = wp.max(limits.near, eight * reach + margin)
-                near_count[0] = pick_near(b, lists, 0, pair_count[0], travel[4])
+                near_count[0] = pick_near(b, lists, 0, pair_count[0], travel[4], 1)
                 since_near = wp.float64(0.0)
             if wp.static(bigs):
                 need = since_big + reach + reach_big + margin
