@@ -16,7 +16,7 @@ from dembench.solver.kick_lanes import move_function
 from dembench.solver.neighbours import near_functions
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.returns import BIG_OVERFLOW, DONE, NOT_FINITE, REBUILD
-from dembench.solver.sync import barrier, row_functions
+from dembench.solver.sync import barrier
 from dembench.solver.types import types
 from dembench.solver.walls.candidates import hand_over_function
 from dembench.solver.walls.loads import load_functions as wall_load_functions
@@ -38,10 +38,9 @@ def advance_kernel(o: StepOptions) -> Any:
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     pair, wall, spin = force_functions(o)
-    rows = row_functions(Bodies, vec8, Lists, vec4, o.rotation)
     load_of = load_functions(o.law.precision, o.rotation)
     get_load, put_load = load_of.get, load_of.put
-    add_load, move = rows.add_load, move_function(o)
+    move = move_function(o)
     near_pairs = near_pairs_function(o)
     of_pair, _of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     near = near_functions(o.law.precision, o.periodic, o.radii, o.law.friction)
@@ -110,8 +109,8 @@ def advance_kernel(o: StepOptions) -> Any:
                 memory = lists.big_memory[slot]
             on_i, on_j, after, overlap = pair(b, i, j, b.kin[i], b.kin[j], wi, wj, memory, c, dt)
             if overlap > real(0.0):
-                add_load(b, i, on_i)
-                add_load(b, j, on_j)
+                put_load(b, i, get_load(b, i) + on_i)
+                put_load(b, j, get_load(b, j) + on_j)
                 largest = wp.max(largest, overlap)
                 if wp.static(friction):
                     lists.big_memory[slot] = after

@@ -94,7 +94,11 @@ def compliant_types(precision: str) -> Any:
 
 @cache
 def compliant_access(precision: str, rotation: bool) -> Any:
-    """Direct access to the arrays of the rows, as Warp functions; see `sync.row_functions` for the reason."""
+    """Direct access to the arrays of the rows, as Warp functions.
+
+    The generated access allows negative indices and any stride, which doubles the instructions of a row; here both are
+    known.
+    """
     t = types(precision)
     vec4, vec8, Bodies = t.vec4, t.vec8, t.Bodies
     Rows = compliant_types(precision)
