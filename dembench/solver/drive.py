@@ -24,7 +24,8 @@ class Drive:
         steady: Whether there are no kicks, but `load` of the bodies holds the force and the torque during a step.
 
     Attributes:
-        force, torque: [N] and [N m], by id, shape (ids, 3).
+        force, torque: [N] and [N m], by id, shape (ids, 3); (0, 3) before anything acts.
+        bodies: Number of ids.
         body: Id of the body that each spring pulls, shape (k,).
         stiffness, damping: Of each spring, [N/m] and [N s/m], shape (k,).
         anchor, velocity: Where the anchor of each spring is at time 0 [m] and its velocity [m/s], shape (k, 3).
@@ -34,7 +35,8 @@ class Drive:
     """
 
     def __init__(self, bodies: int, halves: bool, steady: bool = False):
-        self.force, self.torque = np.zeros((bodies, 3)), np.zeros((bodies, 3))
+        self.bodies = bodies
+        self.force, self.torque = np.zeros((0, 3)), np.zeros((0, 3))
         self.body = np.zeros(0, dtype=np.int64)
         self.stiffness, self.damping = np.zeros(0), np.zeros(0)
         self.anchor, self.velocity = np.zeros((0, 3)), np.zeros((0, 3))
@@ -48,16 +50,23 @@ class Drive:
 
     def grow(self, bodies: int) -> None:
         """Makes room for more ids."""
-        more = np.zeros((bodies - len(self.force), 3))
+        self.bodies = bodies
+        if len(self.force):
+            self._make_room()
+
+    def _make_room(self) -> None:
+        more = np.zeros((self.bodies - len(self.force), 3))
         self.force, self.torque = np.concatenate([self.force, more]), np.concatenate([self.torque, more])
 
     def set_force(self, ids: np.ndarray, force: np.ndarray) -> None:
         """Forces on bodies [N], shape (k, 3)."""
+        self._make_room()
         self.force[ids] = force
         self._look()
 
     def set_torque(self, ids: np.ndarray, torque: np.ndarray) -> None:
         """Torques on bodies [N m], shape (k, 3)."""
+        self._make_room()
         self.torque[ids] = torque
         self._look()
 
@@ -76,6 +85,7 @@ class Drive:
         for name, vector in ends.items():
             if vector.shape != (3,) or not np.isfinite(vector).all():
                 raise SolverError(f"{name}: {vector} is given; accepted are three finite numbers")
+        self._make_room()
         self.body = np.append(self.body, body)
         self.stiffness, self.damping = np.append(self.stiffness, stiffness), np.append(self.damping, damping)
         self.anchor = np.vstack([self.anchor, ends["anchor"] - time * ends["velocity"]])

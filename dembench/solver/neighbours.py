@@ -36,12 +36,28 @@ def position_function(precision: str) -> Any:
 def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
     """Kernels that sort particles and build lists; every kernel is serial and launched with dim = 1."""
     t = types(precision)
-    real, vec4, Bodies, Lists = t.real, t.vec4, t.Bodies, t.Lists
+    real, vec4, Bodies, Lists, Kept = t.real, t.vec4, t.Bodies, t.Lists, t.Kept
     gather = gather_function(options)
     position = position_function(precision)
     image = image_functions(precision, periodic)
     nearest, folded = image.nearest, image.folded
     turns = wp.constant(2 if periodic else 1)
+
+    @wp.func
+    def put(kept: Kept, k: int, i: int, j: int, memory: vec4, head: wp.array(dtype=wp.int32)):
+        kept.i[k] = i
+        kept.j[k] = j
+        kept.memory[k] = memory
+        kept.follow[k] = head[i]
+        head[i] = k
+
+    @wp.func
+    def seen(m: vec4, i: int, j: int):
+        """The memory of a pair (i, j) as the lower one sees it, and back."""
+        out = m
+        if i > j:
+            out = vec4(-m[0], -m[1], -m[2], m[3])
+        return out
 
     @wp.kernel(enable_backward=False, module="unique")
     def bounds(
@@ -98,87 +114,44 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
         start[n_cells] = n
 
     @wp.kernel(enable_backward=False, module="unique")
-    def permute(
+    def keep(
         # inputs
-        n: int,
-        total: int,
-        bigs: int,
-        order: wp.array(dtype=wp.int32),
-        b: Bodies,
-        identity: wp.array(dtype=wp.int32),
-        big_memory: wp.array(dtype=vec4),
-        # outputs
-        b_out: Bodies,
-        identity_out: wp.array(dtype=wp.int32),
-        big_memory_out: wp.array(dtype=vec4),
-        place: wp.array(dtype=wp.int32),
-    ):
-        """Moves all per-particle arrays into the new order; large bodies (from n on) stay where they are."""
-        for k in range(total):
-            i = k
-            if k < n:
-                i = order[k]
-            place[i] = k
-            b_out.kin[k] = b.kin[i]
-            b_out.inv_m[k] = b.inv_m[i]
-            # what is left out has no elements; one kernel for all, as a rebuild is rare and a compilation is not
-            if k < b.spin.shape[0]:
-                b_out.spin[k] = b.spin[i]
-                b_out.inv_i[k] = b.inv_i[i]
-            if k < b.load.shape[0]:
-                b_out.load[k] = b.load[i]
-            if k < b.force.shape[0]:
-                b_out.force[k] = b.force[i]
-            b_out.kind[k] = b.kind[i]
-            identity_out[k] = identity[i]
-            if big_memory.shape[0] > 0:
-                for row in range(bigs):
-                    big_memory_out[row * total + k] = big_memory[row * total + i]
-
-    @wp.kernel(enable_backward=False, module="unique")
-    def collect(
-        # inputs
-        old: Lists,
+        lists: Lists,
         regions: int,
         base: wp.array(dtype=wp.int32),
         count: wp.array(dtype=wp.int32),
         place: wp.array(dtype=wp.int32),
         n: int,
         # outputs
+        kept: Kept,
         head: wp.array(dtype=wp.int32),
-        follow: wp.array(dtype=wp.int32),
+        found: wp.array(dtype=wp.int32),
     ):
-        """Chains the pairs that have a memory to the lower of their new indices, where the new lists look for it."""
+        """Takes the pairs that have a memory out of the lists, chained to the lower of their new indices."""
+        total = int(0)
         for i in range(n):
             head[i] = -1
         for r in range(regions):
             for q in range(count[r]):
                 k = base[r] + q
-                if old.memory[k][3] != real(0.0):
-                    lower = wp.min(place[old.i[k]], place[old.j[k]])
-                    follow[k] = head[lower]
-                    head[lower] = k
+                m = lists.memory[k]
+                if m[3] != real(0.0):
+                    a, c = place[lists.i[k]], place[lists.j[k]]
+                    if total < kept.i.shape[0]:
+                        put(kept, total, wp.min(a, c), wp.max(a, c), seen(m, a, c), head)
+                    total += 1
+        found[0] = total
 
     @wp.func
-    def carried(
-        i: int,
-        j: int,
-        old: Lists,
-        place: wp.array(dtype=wp.int32),
-        head: wp.array(dtype=wp.int32),
-        follow: wp.array(dtype=wp.int32),
-    ):
-        found = vec4()
-        k = head[wp.min(i, j)]
+    def carried(i: int, j: int, kept: Kept, head: wp.array(dtype=wp.int32)):
+        out = vec4()
+        lower, upper = wp.min(i, j), wp.max(i, j)
+        k = head[lower]
         while k >= 0:
-            a, c = place[old.i[k]], place[old.j[k]]
-            if a == i and c == j:
-                found = old.memory[k]
-            if a == j and c == i:
-                m = old.memory[k]
-                found = vec4(-m[0], -m[1], -m[2], m[3])
-            k = follow[k]
-        return found
+            if kept.j[k] == upper:
+                out = seen(kept.memory[k], i, j)
+            k = kept.follow[k]
+        return out
 
     @wp.kernel(enable_backward=False, module="unique")
     def build(
@@ -193,10 +166,8 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
         axis: wp.vec3i,
         cells: wp.vec3i,
         start: wp.array(dtype=wp.int32),
-        old: Lists,
-        place: wp.array(dtype=wp.int32),
+        kept: Kept,
         head: wp.array(dtype=wp.int32),
-        follow: wp.array(dtype=wp.int32),
         base: wp.array(dtype=wp.int32),
         # outputs
         lists: Lists,
@@ -250,7 +221,7 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
                                     lists.i[k] = i
                                     lists.j[k] = j
                                     if k < lists.memory.shape[0]:
-                                        lists.memory[k] = carried(i, j, old, place, head, follow)
+                                        lists.memory[k] = carried(i, j, kept, head)
                                 inside += 1
                             else:
                                 if across < room_across:
@@ -258,33 +229,36 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
                                     lists.i[k] = i
                                     lists.j[k] = j
                                     if k < lists.memory.shape[0]:
-                                        lists.memory[k] = carried(i, j, old, place, head, follow)
+                                        lists.memory[k] = carried(i, j, kept, head)
                                 across += 1
         count[2 * part] = inside
         count[2 * part + 1] = across
 
     @wp.kernel(enable_backward=False, module="unique")
-    def collect_walls(
+    def keep_walls(
         # inputs
-        old: Lists,
+        lists: Lists,
         parts: int,
         capacity: int,
         count: wp.array(dtype=wp.int32),
         place: wp.array(dtype=wp.int32),
-        total: int,
+        bodies: int,
         # outputs
+        kept: Kept,
         head: wp.array(dtype=wp.int32),
-        follow: wp.array(dtype=wp.int32),
+        found: wp.array(dtype=wp.int32),
     ):
-        """Chains the wall candidates that have a memory to the new index of their body."""
-        for i in range(total):
+        """Takes the wall candidates that have a memory out of the lists, chained to the new index of their body."""
+        total = int(0)
+        for i in range(bodies):
             head[i] = -1
         for p in range(parts):
             for q in range(p * capacity, p * capacity + count[p]):
-                if old.wall_memory[q][3] != real(0.0):
-                    i = place[old.wall_i[q]]
-                    follow[q] = head[i]
-                    head[i] = q
+                if lists.wall_memory[q][3] != real(0.0):
+                    if total < kept.i.shape[0]:
+                        put(kept, total, place[lists.wall_i[q]], lists.wall_f[q], lists.wall_memory[q], head)
+                    total += 1
+        found[0] = total
 
     @wp.kernel(enable_backward=False, module="unique")
     def build_walls(
@@ -295,9 +269,8 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
         b: Bodies,
         walls: Walls,
         skin: wp.float64,
-        old: Lists,
+        kept: Kept,
         head: wp.array(dtype=wp.int32),
-        follow: wp.array(dtype=wp.int32),
         base: int,
         capacity: int,
         # outputs
@@ -315,9 +288,9 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
                     memory = vec4()
                     q = head[i]
                     while q >= 0:
-                        if old.wall_f[q] == lists.wall_f[k]:
-                            memory = old.wall_memory[q]
-                        q = follow[q]
+                        if kept.j[q] == lists.wall_f[k]:
+                            memory = kept.memory[q]
+                        q = kept.follow[q]
                     lists.wall_memory[k] = memory
             found += near
         count[part] = found
@@ -325,10 +298,9 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
     return SimpleNamespace(
         bounds=bounds,
         sort=sort,
-        permute=permute,
-        collect=collect,
+        keep=keep,
         build=build,
-        collect_walls=collect_walls,
+        keep_walls=keep_walls,
         build_walls=build_walls,
     )
 

@@ -33,9 +33,7 @@ class State(BodyArrays):
 
     def allocate(self, n: int) -> None:
         """Empty arrays for n bodies."""
-        self.bodies, self._spare = self._bodies(n), self._bodies(n)
-        self.identity, self._identity_spare = self._ints(n), self._ints(n)
-        self._big_spare = self.contact_memory((self.total - self.n) * n)
+        self.bodies, self.identity = self._bodies(n), self._ints(n)
         self.cell, self.order, self.place, self.head = (self._ints(n) for _ in range(4))
 
     def _lists(self) -> None:
@@ -48,14 +46,8 @@ class State(BodyArrays):
         self._new_walls(lists)
         lists.big_i, lists.big_j = self._ints(self.big_capacity), self._ints(self.big_capacity)
         lists.big_memory = self.contact_memory(self.big_rows * self.total)
-        self._old = self.types.Lists()
-        self._new_pairs(self._old)
-        self._new_walls(self._old)
-        for name in ("near", "big_i", "big_j"):
-            setattr(self._old, name, self._ints(1))
-        self._old.big_memory = self.contact_memory(1)
-        self._follow = self._ints(0)
-        self._room_to_follow(len(lists.i))
+        self._found = self._ints(1)
+        self._keep_room(0)
         self.pair_count = self._ints(2 * self.parts)
         self.wall_count = self._ints(self.parts)
         self.near_count = self._ints(2 * self.parts + 1)
@@ -70,10 +62,11 @@ class State(BodyArrays):
         lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
         lists.memory = self.contact_memory(pairs)
 
-    def _room_to_follow(self, entries: int) -> None:
-        """Room for the chains of entries that have a memory."""
-        if self.needs.history and len(self._follow) < entries:
-            self._follow = self._ints(entries)
+    def _keep_room(self, contacts: int) -> None:
+        """Room for what contacts remember during a rebuild."""
+        kept = self._kept = self.types.Kept()
+        kept.i, kept.j, kept.follow = (self._ints(contacts) for _ in range(3))
+        kept.memory = self.contact_memory(contacts)
 
     def _new_walls(self, lists: Any) -> None:
         candidates = self.parts * self.wall_capacity
@@ -97,7 +90,6 @@ class State(BodyArrays):
             needed, room = self.pair_count.numpy(), np.diff(self.base.numpy())
             if (needed <= room).all():
                 break
-            # the old pairs stay where they are until a build has carried their memory over
             self._set_room(int(1.1 * needed[0::2].max()) + 64, int(1.5 * needed[1::2].max()) + 64)
             self._new_pairs(self.lists)
         self._build_walls()
@@ -114,50 +106,41 @@ class State(BodyArrays):
 
     def _sort(self) -> tuple[Any, ...]:
         launch, n, b = self._launch, self.n, self.bodies
-        if n == 0:
-            empty = (wp.vec3d(), wp.vec3d(), wp.vec3i(0, 1, 2), wp.vec3i(1, 1, 1))
-            self.start = self._ints(2)
-            launch(self.kernels.permute, 0, self.total, *self._permuted())
-            self._swap()
-            return empty
-        grid = self.grid(*self._box())
+        grid = (wp.vec3d(), wp.vec3d(), wp.vec3i(0, 1, 2), wp.vec3i(1, 1, 1))
+        if n:
+            grid = self.grid(*self._box())
         self.start = self._ints(int(np.prod(list(grid[3]))) + 1)
-        launch(self.kernels.sort, b, n, *grid, self.cell, self.start, self.order)
-        launch(self.kernels.permute, n, self.total, *self._permuted())
-        self._swap()
+        if n:
+            launch(self.kernels.sort, b, n, *grid, self.cell, self.start, self.order)
+        self._reorder()
+        regions = [2 * self.parts, self.base, self.pair_count]
+        self._keep(self.kernels.keep, self.lists, *regions, self.place, self.n)
         return grid
 
-    def _permuted(self) -> list[Any]:
-        out = [self.big_rows, self.order, self.bodies, self.identity, self.lists.big_memory]
-        return [*out, self._spare, self._identity_spare, self._big_spare, self.place]
+    def _reorder(self) -> None:
+        """Moves all that belongs to the small bodies into the new order; large ones stay where they are."""
+        n, order = self.n, self.order.numpy()[: self.n]
+        place = self.place.numpy()
+        place[order], place[n:] = np.arange(n), np.arange(n, len(place))
+        bodies = [getattr(self.bodies, name) for name in self.bodies._cls.vars]
+        for array in (self.identity, *(a for a in bodies if isinstance(a, wp.array) and len(a))):
+            rows = array.numpy()
+            rows[:n] = rows[order]
+        if self.needs.history and self.big_rows:
+            memory = self.lists.big_memory.numpy()[: self.big_rows * self.total]
+            memory = memory.reshape(self.big_rows, self.total, 4)
+            memory[:, :n] = memory[:, order]
 
-    def _swap(self) -> None:
-        self.bodies, self._spare = self._spare, self.bodies
-        self.identity, self._identity_spare = self._identity_spare, self.identity
-        self.lists.big_memory, self._big_spare = self._big_spare, self.lists.big_memory
-        # the pair arrays become the old ones; the new ones are written by the build
-        for name in ("i", "j", "memory"):
-            ours, theirs = getattr(self.lists, name), getattr(self._old, name)
-            setattr(self.lists, name, theirs)
-            setattr(self._old, name, ours)
-        if len(self.lists.i) < int(self.base.numpy()[-1]):
-            self._new_pairs(self.lists)
-        self._room_to_follow(len(self._old.i))
-        # where the regions of the old pairs begin does not change when the new ones grow
-        self._old_base = wp.clone(self.base)
+    def _keep(self, kernel: Any, *inputs: Any) -> None:
+        """Puts aside what contacts remember; the lists are then written anew."""
         if not self.needs.history:
             return
-        self._launch(
-            self.kernels.collect,
-            self._old,
-            2 * self.parts,
-            self._old_base,
-            self.pair_count,
-            self.place,
-            self.n,
-            self.head,
-            self._follow,
-        )
+        while True:
+            self._launch(kernel, *inputs, self._kept, self.head, self._found)
+            found = int(self._found.numpy()[0])
+            if found <= len(self._kept.i):
+                return
+            self._keep_room(int(1.1 * found) + 64)
 
     def _build(self, grid: tuple[Any, ...]) -> None:
         def one(part: int) -> None:
@@ -170,10 +153,8 @@ class State(BodyArrays):
                 self.skin,
                 *grid,
                 self.start,
-                self._old,
-                self.place,
+                self._kept,
                 self.head,
-                self._follow,
                 self.base,
                 self.lists,
                 self.pair_count,
@@ -191,15 +172,8 @@ class State(BodyArrays):
     def _build_walls(self) -> None:
         if not self.walls.count:
             return
-        for name in ("wall_i", "wall_f", "wall_memory"):
-            ours, theirs = getattr(self.lists, name), getattr(self._old, name)
-            setattr(self.lists, name, theirs)
-            setattr(self._old, name, ours)
-        self._room_to_follow(len(self._old.wall_i))
-        chains = [self.head, self._follow]
-        if self.needs.history:
-            inputs = [self._old, self.parts, self.wall_capacity, self.wall_count, self.place, self.total]
-            self._launch(self.kernels.collect_walls, *inputs, *chains)
+        candidates = [self.parts, self.wall_capacity, self.wall_count]
+        self._keep(self.kernels.keep_walls, self.lists, *candidates, self.place, self.total)
 
         def one(part: int) -> None:
             spans = [(int(self.ranges_host[part]), int(self.ranges_host[part + 1]), self.skin)]
@@ -208,7 +182,7 @@ class State(BodyArrays):
                 # where there are meshes, whose many parts cost more than a rebuild
                 spans.append((self.n, self.total, self.skin if self.walls.options.meshes else 1e30))
             for first, last, skin in spans:
-                inputs = [part, first, last, self.bodies, self.walls.record, skin, self._old, *chains]
+                inputs = [part, first, last, self.bodies, self.walls.record, skin, self._kept, self.head]
                 inputs += [part * self.wall_capacity, self.wall_capacity]
                 self._launch(self.kernels.build_walls, *inputs, self.lists, self.wall_count)
 
@@ -220,7 +194,6 @@ class State(BodyArrays):
             needed = int(self.wall_count.numpy().max())
             if needed <= self.wall_capacity:
                 return
-            # the old candidates stay where they are until a build has carried their memory over
             self.wall_capacity = int(1.2 * needed) + 64
 
     def grow_big(self) -> None:

@@ -18,7 +18,7 @@ vec8d = wp.types.vector(8, wp.float64)
 
 @cache
 def types(precision: str) -> Any:
-    """Types of a precision ("float32" or "float64"): real, vec3, vec4 and the records Bodies, PairClass, Lists.
+    """Types of a precision ("float32" or "float64"): real, vec3, vec4 and the records Bodies, PairClass, Lists, Kept.
 
     Bodies: the particle arrays, what a contact needs of a body side by side. kin: position (0-2), velocity (3-5),
     radius (6); spin: angular velocity (0-2); load: force (0-2) and torque (4-6); force: force (0-2), in place of load
@@ -34,6 +34,9 @@ def types(precision: str) -> Any:
     Lists: pairs (i, j) within the skin and their contact memory, the subset that is near; candidates of bodies wall_i
     against wall features wall_f, those of one body side by side, with their memory; candidates of the large bodies. The
     memories have no elements where contacts remember nothing.
+
+    Kept: what contacts remember while lists are built anew, that of two bodies i < j or of body i at wall feature j;
+    follow: the next one of the same i, -1 behind the last.
     """
     real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
     vec3: Any = wp.types.vector(3, real)
@@ -75,8 +78,14 @@ def types(precision: str) -> Any:
         big_j: wp.array(dtype=wp.int32)
         big_memory: wp.array(dtype=vec4)
 
+    class Kept:
+        i: wp.array(dtype=wp.int32)
+        j: wp.array(dtype=wp.int32)
+        memory: wp.array(dtype=vec4)
+        follow: wp.array(dtype=wp.int32)
+
     records = {}
-    for record in (Bodies, PairClass, Lists):
+    for record in (Bodies, PairClass, Lists, Kept):
         name = record.__name__
         record.__qualname__ = record.__name__ = f"{name}_{precision}"
         records[name] = wp.struct(record)
