@@ -47,6 +47,29 @@ def test_oblique_impact_is_waltons(partner: str, tangential: float, beta: float,
     assert np.abs(w[[0, 2]]).max() * RADIUS < 1e-6
 
 
+@pytest.mark.parametrize("impact", [0.0, 0.6, 0.99, 1.01])
+def test_d10_a_fast_pair_is_deflected_where_its_ways_meet(impact: float) -> None:
+    """Elastic spheres turn by 2 acos(b/d) with the impact parameter b and keep their angular momentum; those with b > d
+    pass. A step of 0.2 r turns the line of centres by up to 11 degrees before the touch, wherever in the step that is.
+
+    Two that move sideways by less than 0.5 % of d before the touch collide along the line of the start: 0.6 degrees.
+    """
+    speed, dt, count = 100.0, 2e-3, 7
+    pairs = [(side * (2.5 + 0.0137 * k), side * impact, 10.0 * k) for k in range(count) for side in (-1.0, 1.0)]
+    position = np.array(pairs)
+    velocity = np.where(position[:, :1] < 0, 1, -1) * np.array([speed / 2, 0, 0])
+    scene = grains(position, velocity, radius=1.0, restitution=1.0, friction=0.0)
+    simulation = Simulation(scene, dt, method="impulse", rows="rigid")
+    simulation.step(40)
+    x, v = simulation.position, simulation.velocity
+    away = (v[1::2] - v[::2]) / speed
+    turn = 2 * np.degrees(np.arccos(min(impact, 1.0)))
+    assert np.degrees(np.arctan2(away[:, 1], -away[:, 0])) == pytest.approx(turn, abs=0.6)
+    assert np.linalg.norm(away, axis=1) == pytest.approx(1, abs=1e-6)
+    momentum = np.cross(x[1::2] - x[::2], v[1::2] - v[::2])[:, 2]
+    assert momentum == pytest.approx(2 * impact * speed, abs=0.02 * speed)
+
+
 def test_d12_a_plastic_grain_stays_where_it_lands() -> None:
     """e = 0, on a floor and on another grain: no bounce above the speed at which the sweeps stop, 0.04 g dt."""
     scene = grains(

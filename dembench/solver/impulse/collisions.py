@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_types
+from dembench.solver.impulse.rows import PASSING, ImpulseOptions, limit_types, row_types
 from dembench.solver.impulse.sweeps import row_arithmetic
 from dembench.solver.types import types, vec8d
 
@@ -24,8 +24,9 @@ def collide_functions(o: ImpulseOptions) -> Any:
     Sweep 0 visits every row; the later ones, in alternating direction, those of a body that collided since. A body that
     meets a wall or a held body moves with its old velocity until the gap is closed and with the new one from then on:
     its place at the start of the step is shifted to where its new path would have begun, else a bounce turns above the
-    floor. Two free bodies fall together; there the shift would gain nothing and cost their angular momentum, since the
-    normal is that of the start. `close` takes the shifts into the gaps of all rows.
+    floor. So do two free bodies that pass each other: their normal is that of the touch, and the shift keeps their
+    angular momentum. Others fall together, and it would gain nothing. `close` takes the shifts into the gaps of all
+    rows.
     """
     t = types(o.precision)
     real, vec3, vec8, Bodies = t.real, t.vec3, t.vec8, t.Bodies
@@ -89,7 +90,9 @@ def collide_functions(o: ImpulseOptions) -> Any:
                 apply(rows, i, j, ui, uj, n, a[7], c[0], normal, across)
                 if wp.static(loads):
                     rows.blow[r] = rows.blow[r] + normal * n + across
-                if target < real(0.0) and ui[3] * uj[3] == real(0.0):
+                sideways = vec3(ui[0] - uj[0], ui[1] - uj[1], ui[2] - uj[2])
+                passing = wp.length(sideways - vn * n) * target * dt / vn > real(PASSING) * (a[7] + c[0])
+                if target < real(0.0) and (passing or ui[3] * uj[3] == real(0.0)):
                     way = -dt * target / vn * (normal * n + across)
                     shift(b, i, way)
                     if j < total:

@@ -14,7 +14,7 @@ import warp as wp
 
 from dembench.solver.pairs import ONE, pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
-from dembench.solver.types import types
+from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import WallOptions, Walls
 
@@ -146,6 +146,11 @@ def limit_types(precision: str) -> Any:
     return wp.struct(Limits)
 
 
+PASSING = 0.005
+"""Two that meet pass each other where they move sideways by more than this part of the sum of their radii before; with
+the normal of the start a deflection would be wrong by up to twice this angle [-]."""
+
+
 @cache
 def direction_function(precision: str) -> Any:
     """Direction in which two bodies with the same centre part, as a Warp function (i, j) -> unit vector.
@@ -219,6 +224,19 @@ def row_functions(o: ImpulseOptions) -> Any:
         rows.b[at] = vec8(rj, memory[3], c.e, c.beta, lt[0], lt[1], lt[2], carried)
 
     @wp.func
+    def meeting(d: vec8d, inside: wp.float64, dt: wp.float64):
+        """Difference of two positions, and the time of it, where two that approach each other on straight ways touch,
+        where they pass each other, or at the end of the step, whichever is first; `inside` is (ri + rj)^2 - |d|^2."""
+        speed2 = d[3] * d[3] + d[4] * d[4] + d[5] * d[5]
+        rate = -(d[0] * d[3] + d[1] * d[4] + d[2] * d[5])
+        time = rate / speed2
+        root = rate * rate + speed2 * inside
+        if root > wp.float64(0.0):
+            time = -inside / (rate + wp.sqrt(root))
+        time = wp.min(time, dt)
+        return wp.vec4d(d[0] + time * d[3], d[1] + time * d[4], d[2] + time * d[5], time)
+
+    @wp.func
     def add_pair(
         b: Bodies,
         rows: Rows,
@@ -244,6 +262,16 @@ def row_functions(o: ImpulseOptions) -> Any:
         n = e * (real(1.0) / r)
         if r == real(0.0):
             n = direction(i, j)
+        if gap > real(0.0) and -(d[0] * d[3] + d[1] * d[4] + d[2] * d[5]) > wp.float64(limits.event * r):
+            way = meeting(d, inside, wp.float64(dt))
+            met = wp.vec3d(way[0], way[1], way[2])
+            away = wp.length(met)
+            if wp.length(wp.cross(wp.vec3d(d[0], d[1], d[2]), met)) > wp.float64(PASSING) * reach * away:
+                # two that pass each other collide, if at all, where their ways meet, not along the line of here
+                met = met / away
+                n = vec3(real(met[0]), real(met[1]), real(met[2]))
+                closed = way[3] * (met[0] * d[3] + met[1] * d[4] + met[2] * d[5])
+                gap = real(wp.max(away - reach, wp.float64(0.0)) - closed)
         vi = n[0] * real(ki[3]) + n[1] * real(ki[4]) + n[2] * real(ki[5])
         vj = n[0] * real(kj[3]) + n[1] * real(kj[4]) + n[2] * real(kj[5])
         # either may be stopped by another contact within the step
