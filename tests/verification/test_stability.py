@@ -243,10 +243,14 @@ def test_a_ring_that_lags_or_falls_is_seen() -> None:
     scene = gas.drum_scene("drum", 1.3)
     position = np.stack([scene.bodies.position] * 2)
     velocity = np.stack([scene.bodies.velocity, 0.9 * scene.bodies.velocity])
-    inside, turning = gas.ring(seen(scene, [0, 1], position, velocity), 1.3)
+    inside, turning = gas.ring(seen(scene, [0, 1], position, velocity), 1.3, 3)
     assert inside > 1 and turning == pytest.approx(0.9)
+    inner = int(np.argmin(np.hypot(*scene.bodies.position[:, :2].T)))
+    position[1, inner] *= 0.5
+    assert gas.ring(seen(scene, [0, 1], position, velocity), 1.3, 3)[0] < 1
+    assert gas.ring(seen(scene, [0, 1], position, velocity), 1.3, 1)[0] > 1
     position[1, 7] *= 0.5
-    assert gas.ring(seen(scene, [0, 1], position, velocity), 1.3)[0] < 1
+    assert gas.ring(seen(scene, [0, 1], position, velocity), 1.3, 1)[0] < 1
 
 
 def test_a_chain_of_two_exchanges_velocities() -> None:

@@ -35,6 +35,8 @@ SECTIONS = (
 
 NOT_POSED = {
     "D11 with a limit of the speed": "no scene asks soft spheres to part slowly",
+    "D19 with three whole layers at 1.3 sqrt(g/R)": "with mu = 0.8 Coulomb's law holds what lies within 1.1 d of "
+    "the mantle",
     "D23": "a scene refuses numbers that are not finite, with the particle named, before any engine sees them",
     "D32": "spheres that roll on each other make an arch a mechanism, which no friction holds; the silo is a bulk case",
     "D25 with 1e7": "memory of the usual machine",
