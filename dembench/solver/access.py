@@ -13,6 +13,8 @@ from dembench.solver.body_arrays import BodyArrays
 from dembench.solver.drive import Drive
 from dembench.solver.energy import Balance
 from dembench.solver.full import FullSpheres
+from dembench.solver.full_impulse import FullImpulses
+from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError
 from dembench.solver.impulse.compliant_stepper import CompliantImpulses
 from dembench.solver.impulse.stepper import Impulses
@@ -21,7 +23,7 @@ from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes
 from dembench.solver.soft import SoftSpheres
 from dembench.solver.units import Units
 
-Stepper = SoftSpheres | FullSpheres | Impulses | CompliantImpulses | SoftShapes | ImpulseShapes
+Stepper = SoftSpheres | FullSpheres | Impulses | CompliantImpulses | FullImpulses | SoftShapes | ImpulseShapes
 
 
 class Access:
@@ -160,7 +162,7 @@ class Access:
 
     def _relist(self, forces: bool) -> None:
         """Lists of a state whose bodies have changed, and where asked for the forces anew."""
-        if forces or isinstance(self._stepper, FullSpheres):
+        if forces or isinstance(self.state, FullState):
             self._stepper.prepare(self.steps)
         else:
             self._stepper.relist(self.steps)

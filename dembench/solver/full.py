@@ -138,16 +138,3 @@ class FullSpheres:
                 wp.launch(kernel, dim=threads, inputs=inputs, device=t.device, block_dim=THREADS)
             else:
                 wp.launch_tiled(kernel, dim=threads, inputs=inputs, device=t.device, block_dim=THREADS)
-
-
-def check_device(device: str, lists: str, method: str) -> None:
-    """Raises SolverError where a device is not there or cannot be combined with the lists or the method."""
-    if lists not in ("half", "full"):
-        raise SolverError(f"lists '{lists}' are not known; accepted are half, full")
-    known = [d.alias for d in wp.get_devices()]
-    if device not in known:
-        raise SolverError(f"device '{device}' is not there; accepted are {', '.join(known)}")
-    if lists == "half" and device != "cpu":
-        raise SolverError(f"half lists need device cpu, not {device}; accepted there is full")
-    if lists == "full" and method != "soft-sphere":
-        raise SolverError(f"the {method} solver needs device cpu and half lists")

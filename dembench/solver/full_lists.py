@@ -13,9 +13,11 @@ import warp as wp
 
 from dembench.solver.full_sort import cell_function
 from dembench.solver.neighbours import position_function
+from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
-from dembench.solver.types import types
-from dembench.solver.walls.candidates import gather_function
+from dembench.solver.types import types, vec8d
+from dembench.solver.walls.candidates import gather_function, goes_on_function
+from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import WallOptions, Walls
 
 MARK = wp.constant(1 << 30)
@@ -46,6 +48,37 @@ def full_lists_type(precision: str) -> Any:
 
     FullLists.__qualname__ = FullLists.__name__ = f"FullLists_{precision}"
     return wp.struct(FullLists)
+
+
+@cache
+def hand_over_function(precision: str, o: WallOptions, radii: bool) -> Any:
+    """A Warp function (bodies, k, lists, i, total, walls) for body i, which has the row k of `kin`.
+
+    Memory of contacts that go on with another part of a mesh goes over: see `candidates.hand_over_function`.
+    """
+    Bodies, FullLists = types(precision).Bodies, full_lists_type(precision)
+    distance_of, goes_on, radius = wall_functions(o).distance, goes_on_function(o), radius_function(precision, radii)
+
+    @wp.func
+    def hand_over(b: Bodies, k: vec8d, lists: FullLists, i: int, total: int, walls: Walls):
+        x = wp.vec3d(k[0], k[1], k[2])
+        for q in range(lists.wall_count[i]):
+            slot = q * total + i
+            f = lists.wall[slot] - MARK
+            if f >= walls.plain:
+                distance, normal = distance_of(walls, f, 0, x)
+                if distance >= radius(b, k):
+                    lists.wall[slot] = f
+                    going = bool(True)
+                    for p in range(lists.wall_count[i]):
+                        g = lists.wall[p * total + i]
+                        if going and p != q and g < MARK:
+                            if goes_on(walls, 0, f, g, x, radius(b, k), normal):
+                                lists.wall[p * total + i] = g + MARK
+                                lists.wall_memory[p * total + i] = lists.wall_memory[slot]
+                                going = False
+
+    return hand_over
 
 
 @cache

@@ -15,12 +15,10 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.contacts import StepOptions, force_functions, load_functions
-from dembench.solver.full_lists import MARK, full_lists_type
+from dembench.solver.full_lists import MARK, full_lists_type, hand_over_function
 from dembench.solver.pairs import pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types, vec8d
-from dembench.solver.walls.candidates import goes_on_function
-from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
@@ -48,7 +46,7 @@ def full_kernels(o: StepOptions) -> Any:
     present, rotation, friction = o.walls.present, o.rotation, o.law.friction
     meshes, loads, of_loads = o.walls.meshes, o.walls.loads, wall_load_functions(o.walls)
     clear_loads, add_load_to_wall = of_loads.clear, of_loads.add
-    distance_of, goes_on = wall_functions(o.walls).distance, goes_on_function(o.walls)
+    hand_over = hand_over_function(o.law.precision, o.walls, o.radii)
 
     @wp.func
     def kick(k: vec8d, load: vec8, m: real, half: wp.float64, gravity: wp.vec3d):
@@ -151,27 +149,6 @@ def full_kernels(o: StepOptions) -> Any:
         return wp.dot(d, d) >= reach * reach
 
     @wp.func
-    def hand_over(b: Bodies, lists: FullLists, i: int, total: int, walls: Walls):
-        """Memory of contacts of body i that go on with another part of a mesh: see `candidates.hand_over_function`."""
-        k = b.kin[i]
-        x = wp.vec3d(k[0], k[1], k[2])
-        for q in range(lists.wall_count[i]):
-            slot = q * total + i
-            f = lists.wall[slot] - MARK
-            if f >= walls.plain:
-                distance, normal = distance_of(walls, f, 0, x)
-                if distance >= radius(b, k):
-                    lists.wall[slot] = f
-                    going = bool(True)
-                    for p in range(lists.wall_count[i]):
-                        g = lists.wall[p * total + i]
-                        if going and p != q and g < MARK:
-                            if goes_on(walls, 0, f, g, x, radius(b, k), normal):
-                                lists.wall[p * total + i] = g + MARK
-                                lists.wall_memory[p * total + i] = lists.wall_memory[slot]
-                                going = False
-
-    @wp.func
     def wall_load(
         b: Bodies,
         lists: FullLists,
@@ -186,7 +163,7 @@ def full_kernels(o: StepOptions) -> Any:
         sum = vec8()
         z = real(0.0)
         if wp.static(meshes and friction):
-            hand_over(b, lists, i, total, walls)
+            hand_over(b, b.kin[i], lists, i, total, walls)
         for q in range(lists.wall_count[i]):
             slot = q * total + i
             entry = lists.wall[slot]

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import warp as wp
+
 from dembench.scene import FORCEABLE, Rigid, Scene, WallForce, features
 from dembench.solver import soft
-from dembench.solver.full import FullSpheres, check_device
+from dembench.solver.full import FullSpheres
+from dembench.solver.full_impulse import SWEEPS, FullImpulses
 from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError
 from dembench.solver.impulse import compliant_stepper as compliant
@@ -75,14 +78,14 @@ def method_of(scene: Scene, chosen: dict[str, Any]) -> Method:
         faults = (rigid if rows == "rigid" else compliant).unsupported(scene)
     if faults:
         raise SolverError(f"the {name} solver cannot do: " + "; ".join(faults))
-    for kind, least in (("velocity_sweeps", 1), ("position_sweeps", 0)):
+    for kind, least in (("velocity_sweeps", 1), ("position_sweeps", 0), ("substeps", 1)):
         if chosen[kind] is not None and chosen[kind] < least:
             raise SolverError(f"{kind} = {chosen[kind]}: accepted is {least} or more")
     if name == "impulse" and rows == "rigid" and chosen["threads"] != 1:
         raise SolverError(f"threads = {chosen['threads']}: rigid rows have one")
     device, lists, loads = chosen["device"], chosen["lists"], chosen["wall_loads"]
     lists = lists or ("half" if device == "cpu" else "full")
-    check_device(device, lists, name)
+    _check_device(device, lists, name == "impulse" and rows == "rigid")
     if lists == "full" and scene.sinks:
         raise SolverError("full lists cannot do: sinks")
     if loads is None:
@@ -100,12 +103,32 @@ def method_of(scene: Scene, chosen: dict[str, Any]) -> Method:
         precision=chosen["precision"],
         midpoint=chosen["midpoint"],
         substeps=chosen["substeps"],
-        velocity_sweeps=chosen["velocity_sweeps"] or (1 if rows == "compliant" else 8),
+        velocity_sweeps=chosen["velocity_sweeps"] or _sweeps(rows, lists),
         position_sweeps=chosen["position_sweeps"],
         stabilization=chosen["stabilization"],
         wall_loads=loads,
         needs=_needs(scene, tuple(chosen["force"]), name, rows),
     )
+
+
+def _check_device(device: str, lists: str, rigid: bool) -> None:
+    """Raises SolverError where a device is not there or cannot be combined with the lists or with rigid rows."""
+    if lists not in ("half", "full"):
+        raise SolverError(f"lists '{lists}' are not known; accepted are half, full")
+    known = [d.alias for d in wp.get_devices()]
+    if device not in known:
+        raise SolverError(f"device '{device}' is not there; accepted are {', '.join(known)}")
+    if lists == "half" and device != "cpu":
+        raise SolverError(f"half lists need device cpu, not {device}; accepted there is full")
+    if lists == "full" and rigid:
+        raise SolverError("rigid rows need device cpu and half lists")
+
+
+def _sweeps(rows: str, lists: str) -> int:
+    """Sweeps that are allowed where the user does not say."""
+    if rows == "rigid":
+        return 8
+    return SWEEPS if lists == "full" else 1
 
 
 def _needs(scene: Scene, force: tuple[str, ...], name: str, rows: str) -> Needs:
@@ -136,6 +159,8 @@ def carriers(scene: Scene, solved: Scene, units: Units, dt: float, m: Method) ->
         return state, SoftShapes(solved, state, dt, LawOptions.of(scene, m.needs, "float64", m.midpoint))
     if m.lists == "full":
         state = FullState(scene, units, m.precision, m.device, m.wall_loads, m.needs)
+        if m.compliant:
+            return state, FullImpulses(scene, state, dt, m.precision, m.substeps, m.velocity_sweeps)
         return state, FullSpheres(solved, state, dt, m.precision, m.midpoint)
     threads = 1 if m.impulses and not m.compliant else m.threads
     state = State(scene, units, m.precision, threads, m.wall_loads, m.needs)

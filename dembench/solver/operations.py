@@ -15,7 +15,7 @@ from dembench.solver.access import Access
 from dembench.solver.diagnostics import WallLayer, wall_layer
 from dembench.solver.energy import Energy, kinetic
 from dembench.solver.export import write_csv, write_vtkhdf
-from dembench.solver.full import FullSpheres
+from dembench.solver.full_state import FullState
 from dembench.solver.guard import SolverError
 from dembench.solver.insertion import Newcomers
 from dembench.solver.inspection import Contacts, contacts_of
@@ -43,7 +43,7 @@ class Operations(Access):
             SolverError: The lists are full.
         """
         self._refresh()
-        if isinstance(self._stepper, FullSpheres):
+        if isinstance(self.state, FullState):
             raise SolverError("contacts can be inspected with half lists only (lists='half')")
         return contacts_of(self, self._stepper.contacts())
 
@@ -215,7 +215,7 @@ class Operations(Access):
         return self.drive.spring_forces(self.state, self.time)[spring]
 
     def _drivable(self) -> None:
-        if isinstance(self._stepper, FullSpheres | SoftShapes | ImpulseShapes):
+        if isinstance(self.state, FullState) or isinstance(self._stepper, SoftShapes | ImpulseShapes):
             raise SolverError("forces from outside act on spheres with half lists only")
 
     # ---- bodies that leave and come

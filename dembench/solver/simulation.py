@@ -46,13 +46,13 @@ class Simulation(Operations):
             restitution and friction of the pair laws); None takes "rigid" for a rigid law and for bodies that are no
             spheres, else "compliant".
         substeps: Substeps of a step with compliant rows; None takes as many as the contacts of the step need.
-        velocity_sweeps: Sweeps over compliant rows in a substep, 1 where None; largest number of sweeps over rigid rows
-            in a step, 8 where None.
+        velocity_sweeps: Sweeps over compliant rows in a substep, 1 where None, or, with full lists, the largest number
+            of them, 64 where None; largest number of sweeps over rigid rows in a step, 8 where None.
         position_sweeps: Largest number of position sweeps in a step with rigid rows.
         stabilization: Rigid rows carry on after the sweeps where matter is at rest, until its weight is carried.
-        device: "cpu", or a CUDA device such as "cuda:0" for the soft-sphere solver.
-        lists: Neighbour lists of the soft-sphere solver: "half" (threads of the CPU) or "full" (CUDA devices; also runs
-            on the CPU, with one thread). None takes what the device needs.
+        device: "cpu", or a CUDA device such as "cuda:0" for the soft-sphere solver and compliant rows.
+        lists: Neighbour lists of both: "half" (threads of the CPU) or "full" (CUDA devices; also runs on the CPU, with
+            one thread). None takes what the device needs.
         softening: Softer materials for the soft-sphere solver, within the overlap budget of `softening.softening_of`;
             `warnings` then says how soft.
         force: Names of features (`needs.FORCEABLE`) that are computed though the scene does not need them, to measure

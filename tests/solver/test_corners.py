@@ -19,6 +19,7 @@ DRIVERS: dict[str, dict[str, Any]] = {
     "full": {"lists": "full"},
     "rigid": {"method": "impulse", "rows": "rigid"},
     "compliant": {"method": "impulse", "rows": "compliant"},
+    "compliant full": {"method": "impulse", "rows": "compliant", "lists": "full"},
 }
 
 

@@ -145,7 +145,8 @@ def opening_functions(o: CompliantOptions) -> Any:
     """Warp functions `pairs`, `bigs` and `walls` that open the rows of the blocks first..end for a substep.
 
     Each applies the impulses with which its rows begin, and forgets the memory of contacts that are open; the first two
-    return the largest overlap. No two small bodies approach by more than `reach` within the substep.
+    return the largest overlap. No two small bodies approach by more than `reach` within the substep. `first_impulse`
+    and `sagitta` are of one contact.
     """
     precision = o.law.precision
     t = types(precision)
@@ -342,4 +343,4 @@ def opening_functions(o: CompliantOptions) -> Any:
                     if memory[3] != real(0.0):
                         lists.wall_memory[q] = vec4()
 
-    return SimpleNamespace(pairs=pairs, bigs=bigs, walls=walls)
+    return SimpleNamespace(pairs=pairs, bigs=bigs, walls=walls, first_impulse=first_impulse, sagitta=sagitta)

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from dembench.scene import Rigid, Scene, features
+from dembench.solver.body_arrays import BodyArrays
 from dembench.solver.guard import SolverError
 from dembench.solver.impulse.compliant_contacts import Segment, open_rows, touching
 from dembench.solver.impulse.compliant_rows import (
@@ -48,31 +49,16 @@ class CompliantImpulses:
         substeps: Substeps per step; None chooses them by the stiffness of the contacts of each step.
         sweeps: Sweeps per substep.
 
-    Raises:
-        SolverError: `substeps` is below 1.
-
     Attributes:
         driven: Whether the load of the bodies, force and torque, acts on them in every substep.
         kernels: Kernels that must be loaded before the first step.
     """
 
     def __init__(self, scene: Scene, state: State, dt: float, precision: str, substeps: int | None, sweeps: int):
-        if substeps is not None and substeps < 1:
-            raise SolverError(f"substeps: {substeps} is given; accepted are numbers from 1 on, or None")
         self.state, self.dt = state, dt / state.units.time
         self.substeps, self.sweeps = substeps or 0, sweeps
         self.driven = False
-        self._options = options = CompliantOptions(
-            law=LawOptions.of(scene, state.needs, precision, midpoint=False),
-            pairs=state.lookup,
-            alike=state.alike(),
-            walls=state.walls.options,
-            bigs=state.big_rows > 0,
-            periodic=state.periodic,
-            rotation=state.needs.rotation,
-            radii=state.needs.radii,
-            threads=state.parts > 1,
-        )
+        self._options = options = compliant_options(scene, state, precision)
         self.kernels = [compliant_kernel(options)]
         self._rows = compliant_types(precision)()
         self._tables = PairTables(scene, state.units, precision, state.lookup)
@@ -180,6 +166,21 @@ class CompliantImpulses:
         rows.mask = wp.zeros(fixed, dtype=wp.uint64, device="cpu")
         rows.stamp = wp.zeros(fixed, dtype=wp.int32, device="cpu")
         self._forget_rows()
+
+
+def compliant_options(scene: Scene, state: BodyArrays, precision: str) -> CompliantOptions:
+    """What of the compliant step a scene needs."""
+    return CompliantOptions(
+        law=LawOptions.of(scene, state.needs, precision, midpoint=False),
+        pairs=state.lookup,
+        alike=state.alike(),
+        walls=state.walls.options,
+        bigs=state.big_rows > 0,
+        periodic=state.periodic,
+        rotation=state.needs.rotation,
+        radii=state.needs.radii,
+        threads=state.parts > 1,
+    )
 
 
 def unsupported(scene: Scene) -> list[str]:

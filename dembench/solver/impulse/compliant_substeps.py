@@ -36,6 +36,8 @@ USUAL = 0.8
 def stiffness_functions(o: CompliantOptions) -> Any:
     """Warp functions `pairs`, `bigs` and `walls`: what contacts within `time` need; `joined` and `rate` of such needs.
 
+    `of_two` and `at_wall` are those of a single contact, whatever the lists.
+
     A need is a vector: the largest omega^10, which is (3/2 kn/m*)^5 d_max^(5/2) and needs no root; the sum of omega^2
     of those that touch; their number. rate(need) is the least number of substeps per time. `fall` is the change
     of speed by gravity within the time.
@@ -171,6 +173,30 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         return need
 
     @wp.func
+    def at_wall(
+        b: Bodies,
+        i: int,
+        f: int,
+        features: Walls,
+        poses: int,
+        table: wp.array(dtype=PairClass),
+        columns: int,
+        time: wp.float64,
+        fall: wp.float64,
+    ):
+        need = wp.vec3d()
+        k = kin(b, i)
+        x = wp.vec3d(k[0], k[1], k[2])
+        distance, normal = distance_of(features, f, poses, x)
+        v = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, poses, x)
+        closing = -wp.dot(v, normal)
+        overlap = radius(b, k) - distance
+        if overlap + wp.max(closing + fall, wp.float64(0.0)) * time > wp.float64(0.0):
+            c = of_wall(b, i, features.features[f].kind, table, columns)
+            need = measure(c, b.inv_m[i], overlap, closing + fall)
+        return need
+
+    @wp.func
     def walls(
         b: Bodies,
         lists: Lists,
@@ -185,16 +211,8 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     ):
         need = wp.vec3d()
         for q in range(base, base + count):
-            i, f = lists.wall_i[q], lists.wall_f[q]
-            k = kin(b, i)
-            x = wp.vec3d(k[0], k[1], k[2])
-            distance, normal = distance_of(features, f, poses, x)
-            v = wp.vec3d(k[3], k[4], k[5]) - velocity_of(features, f, poses, x)
-            closing = -wp.dot(v, normal)
-            overlap = radius(b, k) - distance
-            if overlap + wp.max(closing + fall, wp.float64(0.0)) * time > wp.float64(0.0):
-                c = of_wall(b, i, features.features[f].kind, table, columns)
-                need = joined(need, measure(c, b.inv_m[i], overlap, closing + fall))
+            i, f = lists.wall_i[q] + 0, lists.wall_f[q] + 0
+            need = joined(need, at_wall(b, i, f, features, poses, table, columns, time, fall))
         return need
 
     @wp.func
@@ -203,4 +221,6 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         stiffest = wp.pow(need[0], wp.float64(0.1))
         return wp.max(stiffest / wp.float64(STIFFEST), usual / wp.float64(USUAL))
 
-    return SimpleNamespace(pairs=pairs, bigs=bigs, walls=walls, joined=joined, rate=rate)
+    return SimpleNamespace(
+        pairs=pairs, bigs=bigs, walls=walls, of_two=of_two, at_wall=at_wall, joined=joined, rate=rate
+    )
