@@ -1,4 +1,4 @@
-"""The soft-sphere stepper with full lists: launches blocks of steps, rebuilds the lists when a block asks for it."""
+"""The soft-sphere stepper with full lists: a recorded loop over blocks of steps, until the lists must be built anew."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from dembench.solver.soft import SKIN, step_options
 BIG_SKIN = 1.0
 """Gap up to which bodies are partners of a large body, in smallest diameters."""
 BLOCK = 64
-"""Steps between two looks of the host at the flags."""
+"""Steps of a recorded block, after each of which the device decides whether another one follows."""
 THREADS = 256
 """Threads of a block on CUDA devices."""
 
@@ -34,7 +34,9 @@ class FullSpheres:
         state.skin, state.big_skin = SKIN * state.diameter, BIG_SKIN * state.diameter
         self._step = full_kernels(step_options(scene, state, precision, midpoint))
         self._moves = state.walls.options.timed or state.walls.options.loads
-        self.kernels = [self._step.begin, self._step.step] + [self._step.step_big] * bool(state.big_rows)
+        self.kernels = [self._step.begin, self._step.step, self._step.turn] + [self._step.step_big] * bool(
+            state.big_rows
+        )
         self.kernels += [self._step.move_walls] * self._moves
         tables, device = PairTables(scene, state.units, precision, state.lookup), state.device
         self._tables = [tables.pairs.to(device), tables.pair_columns, tables.walls.to(device), tables.wall_columns]
@@ -46,14 +48,16 @@ class FullSpheres:
         self._limit = 0.5 * state.skin
         self._big_limit = state.big_skin - self._limit
         self._drifted = False
-        self._clock = wp.zeros(4, dtype=wp.float64, device=state.device)
+        self._clock = wp.zeros(4, dtype=wp.float64, device=device)
+        self._blocks = wp.zeros(2, dtype=wp.int32, device=device)
+        self._going = wp.zeros(1, dtype=wp.int32, device=device)
         self._built = 0.0
 
     def prepare(self, first: int = 0) -> None:
         """Builds the lists and evaluates the forces after `first` steps, without growth of the contact springs."""
         self._rebuild(first * self.dt)
         self._flags.zero_()
-        self._set_clock(first * self.dt)
+        self._set_clock(first)
         self._launch(0, NO_KICK, 0.0)
 
     def advance(self, n: int, first: int) -> int:
@@ -63,22 +67,26 @@ class FullSpheres:
             SolverError: A velocity is not finite.
         """
         state = self.state
-        steps = min(n, BLOCK)
-        end = HALF_KICK if steps == n else DRIFT
         self._flags.zero_()
         if not self._drifted:
             inputs = [state.n, self.dt, self._gravity, self._limit, self._big_limit, state.reference]
             state.launch(self._step.begin, state.total, *inputs, state.bodies, self._flags)
-        self._set_clock((first + 1) * self.dt)
-        self._block(steps, end)
+        self._set_clock(first + 1)
+        # the last step of all stands in a block that ends with it
+        blocks = (n - 1) // BLOCK
+        steps, end = (BLOCK, DRIFT) if blocks else (n, HALF_KICK)
+        self._blocks.assign([0, blocks])
+        self._going.fill_(1)
+        wp.capture_launch(self._recorded(steps, end))
         flags = self._flags.numpy()
         if flags[-1]:
             raise SolverError("a velocity is not finite; the time step may be too large", reason="nan")
         stopped = np.flatnonzero(flags[: steps + 1])
-        done = int(stopped[0]) if len(stopped) else steps
-        if done % 2:
+        done = int(stopped[0]) if len(stopped) else 0
+        if done % 2 or (not len(stopped) and steps % 2):
             wp.copy(state.bodies.kin, state.spare.kin)
             wp.copy(state.bodies.spin, state.spare.spin)
+        done += int(self._blocks.numpy()[0]) * steps
         self._drifted = bool(len(stopped)) or end == DRIFT
         if len(stopped):
             self._rebuild((first + done + 1) * self.dt)
@@ -97,27 +105,24 @@ class FullSpheres:
         self.state.rebuild()
         self._built = time
 
-    def _set_clock(self, time: float) -> None:
-        """Tells the walls the time of the forces of the next launch [scene units]."""
-        if self._moves:
-            self._clock.assign([time, self.dt, self._built, self.state.wall_speed])
+    def _set_clock(self, steps: int) -> None:
+        """Tells the walls how many steps are made at the forces of the next launch."""
+        self._clock.assign([steps, self.dt, self._built, self.state.wall_speed])
 
-    def _block(self, steps: int, end: int) -> None:
-        """`steps` steps of which the last ends as `end` says; recorded once and replayed on CUDA devices."""
-        if not self.state.device.is_cuda:
-            self._launches(steps, end)
-            return
+    def _recorded(self, steps: int, end: int) -> Any:
+        """The graph of blocks of `steps` steps that end as `end` says, until all are made or the lists are left."""
         key = (steps, end, self.state.generation)
         if key not in self._graphs:
             self._graphs = {k: g for k, g in self._graphs.items() if k[2] == self.state.generation}
             with wp.ScopedCapture(device=self.state.device) as capture:
-                self._launches(steps, end)
+                wp.capture_while(self._going, lambda: self._block(steps, end))
             self._graphs[key] = capture.graph
-        wp.capture_launch(self._graphs[key])
+        return self._graphs[key]
 
-    def _launches(self, steps: int, end: int) -> None:
+    def _block(self, steps: int, end: int) -> None:
         for s in range(steps):
             self._launch(s, end if s == steps - 1 else DRIFT, self.dt)
+        self.state.launch(self._step.turn, 1, steps, self._flags, self._clock, self._blocks, self._going)
 
     def _launch(self, s: int, after: int, memory_dt: float) -> None:
         t = self.state

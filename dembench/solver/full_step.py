@@ -29,7 +29,7 @@ NO_KICK, HALF_KICK, DRIFT = wp.constant(0), wp.constant(1), wp.constant(2)
 
 @cache
 def full_kernels(o: StepOptions) -> Any:
-    """Kernels of the step: `begin` (half kick and drift from the stored forces), `step` and `step_big`.
+    """Kernels of the step: `begin` (half kick and drift from the stored forces), `step`, `step_big` and others.
 
     flags (int32): s is set where the lists do not cover the positions before step s of the block, the last where a
     velocity is not finite.
@@ -200,10 +200,10 @@ def full_kernels(o: StepOptions) -> Any:
     ):
         """Poses for the forces of step s of the block, and walls without loads; one thread.
 
-        clock: time of the forces of step 0, time step, time of the last rebuild, bound of the walls' speed. flags[s] is
-        set where walls may have come nearer than the lists allow for.
+        clock: steps made at the forces of step 0, time step, time of the last rebuild, bound of the walls' speed.
+        flags[s] is set where walls may have come nearer than the lists allow for.
         """
-        now = clock[0] + wp.float64(s) * clock[1]
+        now = (clock[0] + wp.float64(s)) * clock[1]
         place(walls, 0, now, now)
         if clock[3] * (now - clock[2]) > limit:
             flags[s] = 1
@@ -329,4 +329,25 @@ def full_kernels(o: StepOptions) -> Any:
             else:
                 flags[s + 1] = 1
 
-    return SimpleNamespace(begin=begin, move_walls=move_walls, step=step, step_big=step_big)
+    @wp.kernel(enable_backward=False, module="unique")
+    def turn(
+        # inputs
+        steps: int,
+        flags: wp.array(dtype=wp.int32),
+        # outputs
+        clock: wp.array(dtype=wp.float64),
+        blocks: wp.array(dtype=wp.int32),
+        going: wp.array(dtype=wp.int32),
+    ):
+        """After a block of some steps: whether another one follows; one thread.
+
+        blocks: how many are made and wanted.
+        """
+        going[0] = 0
+        if flags[steps] == 0:
+            blocks[0] = blocks[0] + 1
+            clock[0] = clock[0] + wp.float64(steps)
+            if blocks[0] < blocks[1]:
+                going[0] = 1
+
+    return SimpleNamespace(begin=begin, move_walls=move_walls, step=step, step_big=step_big, turn=turn)

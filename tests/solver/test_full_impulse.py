@@ -15,6 +15,7 @@ import pytest
 from grains import FLOOR, RADIUS, gas, grains, resting_overlap
 from test_full import WALLS, compiles, impact, same_bits
 from test_impulse_compliant import GRAVITY, N, crowd, heap, pairs
+from test_mesh_walls import mesh, patch
 
 from dembench.scene import Box, Domain, LinearSpring, Rigid, Scene
 from dembench.solver import Simulation, SolverError, full_impulse, full_state
@@ -81,6 +82,7 @@ OTHERS: dict[str, dict[str, Any]] = {
     "no-tension": {"variant": "no-tension"},
     "frictionless": {"friction": 0.0},
     "periodic": {"domain": Domain(lower=(0, 0, 0), upper=(0.0132, 0.0132, 0.0132), periodic=(True, True, True))},
+    "mesh": {"walls": (mesh(patch(np.linspace(-5, 20, 31) * RADIUS, np.linspace(-5, 20, 31) * RADIUS)),)},
 }
 
 
@@ -213,7 +215,7 @@ def test_steps_repeat_their_bits_however_they_are_asked_for() -> None:
     scene = impact(4, restitution=0.6)
     ends = []
     for block in (90, 7):
-        simulation = full(scene, 1e-5)
+        simulation = full(scene, 1e-5, wall_loads=True)
         for made in range(0, 90, block):
             simulation.step(min(block, 90 - made))
         ends.append(simulation)
@@ -221,18 +223,30 @@ def test_steps_repeat_their_bits_however_they_are_asked_for() -> None:
     assert ends[0].counters()["list rebuilds"] > 2
 
 
+def test_a_resumed_run_gives_the_same_bits(tmp_path: Path) -> None:
+    scene = impact(4, restitution=0.6)
+    simulation = full(scene, 1e-5, 50, wall_loads=True)
+    simulation.save(tmp_path / "state.npz")
+    resumed = Simulation.load(tmp_path / "state.npz")
+    for one in (simulation, resumed):
+        one.step(50)
+    straight = full(scene, 1e-5, 100, wall_loads=True)
+    assert same_bits(resumed, simulation) and same_bits(straight, simulation)
+    assert resumed.counters() == simulation.counters()
+
+
 def test_lists_grow_and_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = impact(4, restitution=0.6)
-    ample = full(scene, 1e-5, 90)
+    ample = full(scene, 1e-5, 90, wall_loads=True)
     for room in ("SLOTS", "WALL_SLOTS", "BIG_ROOM"):
         monkeypatch.setattr(full_state, room, 1)
-    tight = full(scene, 1e-5, 90)
+    tight = full(scene, 1e-5, 90, wall_loads=True)
     assert tight.state.generation > 0
     assert same_bits(ample, tight)
 
 
 def test_a_blown_up_state_is_refused() -> None:
-    simulation = full(impact(4, restitution=0.6), 1e-5)
+    simulation = full(impact(4, restitution=0.6), 1e-5, wall_loads=True)
     velocity = simulation.velocity
     velocity[5] = np.nan
     simulation.state.write("kin", 3, velocity, simulation.units.velocity)
@@ -241,7 +255,7 @@ def test_a_blown_up_state_is_refused() -> None:
 
 
 def test_what_it_cannot_do_is_refused() -> None:
-    simulation = full(impact(4, restitution=0.6), 1e-5)
+    simulation = full(impact(4, restitution=0.6), 1e-5, wall_loads=True)
     with pytest.raises(SolverError, match="contacts can be inspected with half lists only"):
         simulation.contacts()
     with pytest.raises(SolverError, match="forces from outside act on spheres with half lists only"):

@@ -134,7 +134,6 @@ DRIVERS: dict[str, dict[str, Any]] = {
     "full": {"lists": "full"},
     "rigid": {"method": "impulse", "rows": "rigid"},
     "compliant": {"method": "impulse", "rows": "compliant"},
-    "compliant full": {"method": "impulse", "rows": "compliant", "lists": "full"},
 }
 
 

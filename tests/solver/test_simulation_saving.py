@@ -58,9 +58,8 @@ def bits(simulation: Simulation) -> list[bytes]:
         {"method": "impulse", "rows": "rigid", "dt": 1e-5},
         {"method": "impulse", "rows": "compliant", "dt": 5e-5},
         {"method": "impulse", "rows": "compliant", "dt": 5e-5, "threads": 2},
-        {"method": "impulse", "rows": "compliant", "dt": 5e-5, "lists": "full"},
     ],
-    ids=["soft", "two-threads", "full", "rigid", "compliant", "compliant-two-threads", "compliant-full"],
+    ids=["soft", "two-threads", "full", "rigid", "compliant", "compliant-two-threads"],
 )
 def test_a_resumed_run_gives_the_same_bits(settings: dict[str, Any], tmp_path: Path) -> None:
     simulation = Simulation(shaken(), **settings)

@@ -16,7 +16,6 @@ DRIVERS: dict[str, dict[str, Any]] = {
     "full": {"lists": "full"},
     "rigid": {"method": "impulse", "rows": "rigid"},
     "compliant": {"method": "impulse", "rows": "compliant"},
-    "compliant full": {"method": "impulse", "rows": "compliant", "lists": "full"},
 }
 GRAVITY = (0, 0, -9.81)
 DRUM = Cylinder(
