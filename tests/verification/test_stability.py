@@ -16,7 +16,8 @@ from dembench.cli import app
 from dembench.engines import registry
 from dembench.results.schema import SnapshotSeries
 from dembench.scene import Scene, SceneError, check_scene
-from dembench.verification.scenes import MOTION
+from dembench.verification.closed_forms.collisions import Contact, impact
+from dembench.verification.scenes import MOTION, Kind
 from dembench.verification.stability import (
     audits,
     chains,
@@ -30,6 +31,7 @@ from dembench.verification.stability import (
     stiffness,
     walls,
 )
+from dembench.verification.stability.common import contact_time, rayleigh
 from dembench.verification.suites import suite
 
 EXPERIMENTS = {experiment.name: experiment for experiment in suite("stability").experiments}
@@ -98,6 +100,19 @@ def test_the_contact_of_a_pair_is_found_from_free_flight() -> None:
     # 1 um at 1 m/s, then 4 um at 0.5 m/s, of 20 us
     assert restitution == pytest.approx(0.5)
     assert duration == pytest.approx(20e-6 - 1e-6 - 8e-6)
+
+
+@pytest.mark.parametrize("decade", [5, 8, 12])
+@pytest.mark.parametrize("restitution", stiffness.RESTITUTIONS)
+def test_the_law_itself_keeps_its_restitution_from_soft_to_stiff(decade: int, restitution: float) -> None:
+    """The scene's law integrated finely; at 1e5 Pa the spheres overlap by up to 0.4 r, so what changes e is the step.
+
+    A contact has as many steps as the text of the checks says.
+    """
+    kind = Kind(10.0**decade, 2500, stiffness.RADIUS, restitution=restitution)
+    assert impact(Contact.between(kind, kind), 1.0, 0.0).rebound == pytest.approx(restitution, abs=3e-4)
+    steps = contact_time(kind, 1.0) / (0.1 * rayleigh(kind))
+    assert steps == pytest.approx({5: 15, 8: 30, 12: 76}[decade], abs=0.5)
 
 
 def test_a_step_is_stable_up_to_the_first_that_blows_up_or_kills() -> None:
