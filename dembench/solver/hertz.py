@@ -23,6 +23,9 @@ from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.motion import place
 from dembench.solver.walls.records import Walls
 
+NEAR_STEPS = wp.constant(10)
+"""Steps for which near pairs are picked at least, if the lists reach that far."""
+
 
 @cache
 def advance_kernel(o: StepOptions) -> Any:
@@ -31,8 +34,9 @@ def advance_kernel(o: StepOptions) -> Any:
     `wall_speed` bounds the speed at which walls come towards bodies.
     `state` (int32): 0, 1 barrier; 2 steps done; 3 reason for coming back; 4 whether the step in progress still lacks
     its forces. `travel` (float64): 0 since the lists were built, 1 since the near lists were picked, 2 of the large
-    bodies and the small ones since the candidates were listed, from 4 on per thread: largest squared speed of small and
-    of large bodies, sum of squared speeds, largest overlap.
+    bodies and the small ones since the candidates were listed, 3 gap up to which pairs count as near, from 4 on per
+    thread: largest squared speed of small and of large bodies, sum of squared speeds, largest overlap. Near pairs are
+    picked up to `near_skin`, or what suffices for NEAR_STEPS steps.
     """
     t = types(o.law.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
@@ -158,6 +162,7 @@ def advance_kernel(o: StepOptions) -> Any:
         since_build = wp.float64(travel[0])
         since_near = wp.float64(travel[1])
         since_big = wp.float64(travel[2])
+        near_gap = wp.float64(travel[3])
         overlap = real(0.0)
         done = int(0)
         reason = int(DONE)
@@ -206,18 +211,19 @@ def advance_kernel(o: StepOptions) -> Any:
                 if not wp.isfinite(check):
                     reason = int(NOT_FINITE)
                     going = 0
-                elif two * since_near > near_skin and near_skin + two * since_build > skin:
+                elif two * since_near > near_gap and near_skin + two * since_build > skin:
                     reason = int(REBUILD)
                     going = 0
                 mid = 1
             if going == 1:
-                if two * since_near > near_skin or since_near < zero:
+                if two * since_near > near_gap or since_near < zero:
                     # a pair that remembers has touched in the step before: it is near, unless a step is that long
                     forget = int(0)
                     if since_near < zero or two * moved > near_skin:
                         forget = 1
+                    near_gap = wp.max(near_skin, wp.min(wp.float64(NEAR_STEPS) * two * moved, skin - two * since_build))
                     for region in range(2 * part, 2 * part + wp.static(2 if threads else 1)):
-                        near_count[region] = pick_near(b, lists, base[region], pair_count[region], near_skin, forget)
+                        near_count[region] = pick_near(b, lists, base[region], pair_count[region], near_gap, forget)
                     since_near = zero
                 if wp.static(bigs):
                     if since_big > big_skin or since_big < zero:
@@ -292,6 +298,7 @@ def advance_kernel(o: StepOptions) -> Any:
             travel[0] = since_build
             travel[1] = since_near
             travel[2] = since_big
+            travel[3] = near_gap
             state[2] = done
             state[3] = reason
             state[4] = mid
