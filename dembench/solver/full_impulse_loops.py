@@ -135,11 +135,11 @@ def loop_kernels(o: CompliantOptions) -> Any:
             largest = wp.max(largest, need[0])
             fastest = wp.max(fastest, need[3])
             i += wp.static(BLOCKS) * wp.block_dim()
-        sums = wp.tile_sum(wp.tile(sum, preserve_type=True))
-        most = wp.tile_max(wp.tile(largest))
-        speed = wp.tile_max(wp.tile(fastest))
+        # all threads of a block take part in what reads an element of a tile
+        sums = wp.tile_sum(wp.tile(sum, preserve_type=True))[0]
+        most, speed = wp.tile_max(wp.tile(largest))[0], wp.tile_max(wp.tile(fastest))[0]
         if lane == 0:
-            gathered[block] = vec4d(most[0], sums[0][0], sums[0][1], speed[0])
+            gathered[block] = vec4d(most, sums[0], sums[1], speed)
 
     @wp.kernel(enable_backward=False, module="unique")
     def divide(

@@ -5,13 +5,14 @@ order lower index, higher index, and find its impulse with identical arithmetic 
 before has left: no thread writes what another one reads, momentum is kept to the rounding of sums, and the bits of a
 result hang on no order.
 
-Jacobi sweeps alone diverge where a body has many contacts. Mass splitting (Tonge, Benevolenski & Voroshilov 2012, doi
-10.1145/2185520.2185601): a body with n rows gives each of them a part of its mass, m/n, and takes the sum of their
-impulses with its whole mass. With A, the inverse mass that all rows see, and D, its blocks of single rows with split
-masses, A <= D by the inequality of Cauchy and Schwarz, so that sweeps converge, and so they do for any D > A/2. Here
-a body gives 2 m/n, at most its whole mass, which is D >= A/2, and the compliance of the rows adds to both: half the
-sweeps, and still no spectral radius of 1. Blocks of colours (Gauss-Seidel) would need fewer sweeps but several launches
-for each, and the colours of a large body's contacts are as many as its neighbours.
+Plain Jacobi sweeps may diverge where a body has many contacts. Mass splitting (Tonge, Benevolenski & Voroshilov 2012,
+doi 10.1145/2185520.2185601): a body with n rows gives each of them a part m/n of its mass, and takes the sum of their
+impulses with its whole mass. With A, the inverse mass that all rows see together, and D, its blocks of single rows with
+split masses, A <= D by the inequality of Cauchy and Schwarz, and Jacobi sweeps converge for D > A/2, to which both the
+compliance of the rows adds. So parts of 2 m/n, at most m, are enough. In a dense bed in twice the substep that its
+contacts ask for, 50 sweeps then leave 1e-6 of the impulses; 69 with m/n; whole masses stall. In four times of it they
+diverge. Colours (Gauss-Seidel) would need fewer sweeps but several launches for each, and as many of them as a large
+body has neighbours.
 """
 
 from functools import cache

@@ -310,22 +310,23 @@ def substep_kernels(o: CompliantOptions) -> Any:
                     rows.slot[behind + q] = SHUT
                     if wp.static(friction):
                         lists.big_memory[slot] = vec4()
-        sums = wp.tile_sum(wp.tile(sum, preserve_type=True))
-        counts = wp.tile_sum(wp.tile(found))
-        deepest = wp.tile_max(wp.tile(largest))
+        # all threads of a block take part in what reads an element of a tile
+        by_bodies = wp.tile_sum(wp.tile(sum, preserve_type=True))[0]
+        count = wp.tile_sum(wp.tile(found))[0]
+        deepest = wp.tile_max(wp.tile(largest))[0]
         if lane == 0 and control[STALE] == 0:
-            gained, count = sums[0], int(0)
+            at_walls = int(0)
             if wp.static(present):
                 fall = h * real(wp.length(gravity))
-                by_walls, at_walls = meet_walls(
+                by_walls, found_too = meet_walls(
                     b, rows, middle, lists, i, total, 0, walls, wall_table, wall_columns, h, grown, fall
                 )
-                gained = gained + by_walls
-                count = at_walls
-            rows.count[i] = count
-            if deepest[0] > overlaps[i]:
-                overlaps[i] = deepest[0]
-            begin(b, rows, i, h, gravity, gained, counts[0] + count)
+                by_bodies = by_bodies + by_walls
+                at_walls = found_too
+            rows.count[i] = at_walls
+            if deepest > overlaps[i]:
+                overlaps[i] = deepest
+            begin(b, rows, i, h, gravity, by_bodies, count + at_walls)
 
     @wp.func
     def visit(b: Bodies, rows: FullRows, i: int, at: int, here: int, h: real):
@@ -423,9 +424,9 @@ def substep_kernels(o: CompliantOptions) -> Any:
                 for k in range(rows.count[i]):
                     by_wall, _q, _zeta, _meets = visit(b, rows, i, k * total + i, here, h)
                     sum = sum + by_wall
-        sums = wp.tile_sum(wp.tile(sum, preserve_type=True))
+        gains = wp.tile_sum(wp.tile(sum, preserve_type=True))[0]
         if lane == 0 and control[STALE] == 0:
-            settle(rows, i, here, total - here, residual, sums[0], changed)
+            settle(rows, i, here, total - here, residual, gains, changed)
 
     @wp.func
     def remember(
@@ -551,9 +552,9 @@ def substep_kernels(o: CompliantOptions) -> Any:
                     by_wall, p, zeta, meets = visit(b, rows, i, at, here, h)
                     sum = sum + by_wall
                     remember(rows, middle, lists, walls, i, at, p, zeta, meets, dt)
-        sums = wp.tile_sum(wp.tile(sum, preserve_type=True))
+        gains = wp.tile_sum(wp.tile(sum, preserve_type=True))[0]
         if lane == 0 and control[STALE] == 0:
-            end(b, rows, middle, i, here, clock[H], gravity, sums[0], control)
+            end(b, rows, middle, i, here, clock[H], gravity, gains, control)
 
     return SimpleNamespace(
         drift=drift,

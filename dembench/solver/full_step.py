@@ -315,15 +315,15 @@ def full_kernels(o: StepOptions) -> Any:
                         lists.big_memory[slot] = spring
                 elif wp.static(friction):
                     lists.big_memory[slot] = vec4()
-        loads = wp.tile_sum(wp.tile(sum, preserve_type=True))
-        deepest = wp.tile_max(wp.tile(largest))
+        # all threads of a block take part in what reads an element of a tile
+        load = wp.tile_sum(wp.tile(sum, preserve_type=True))[0]
+        deepest = wp.tile_max(wp.tile(largest))[0]
         if lane == 0:
             if going:
-                load = loads[0]
                 if wp.static(present):
                     load = load + wall_load(b, lists, i, total, walls, wall_table, wall_columns, memory_dt)
-                if deepest[0] > overlaps[i]:
-                    overlaps[i] = deepest[0]
+                if deepest > overlaps[i]:
+                    overlaps[i] = deepest
                 put_load(b, i, load)
                 finish(i, s + 1, after, after == DRIFT, load, dt, gravity, limit, reference, b, b_out, flags)
             else:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 from grains import FLOOR, RADIUS, gas, grains, resting_overlap
 from test_full import WALLS, compiles, impact, same_bits
 from test_impulse_compliant import GRAVITY, N, crowd, heap, pairs
@@ -94,7 +95,7 @@ def test_both_drivers_agree_about_every_law(kind: str) -> None:
     scene = grains(position + RADIUS, velocity, spin, restitution=1.0, young=1e6, **OTHERS[kind])
     ours, theirs = converged(scene, 2e-5, 150)
     agree(ours, theirs)
-    assert (np.abs(ours.velocity - velocity).max(axis=1) > 0.1).mean() > 0.9
+    assert (np.abs(ours.velocity - velocity).max(axis=1) > 0.1).mean() > 0.8, "few have met"
 
 
 def test_the_stop_test_bounds_the_residual(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -272,3 +273,14 @@ def test_every_kernel_compiles_for_cuda(tmp_path: Path) -> None:
     options = CompliantOptions(LawOptions(), pairs="radii", alike=False, walls=WALLS, bigs=True, periodic=True)
     for kernel in [*vars(loop_kernels(options)).values(), *vars(substep_kernels(options)).values()]:
         compiles(kernel, tmp_path)
+
+
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a CUDA device")
+@pytest.mark.usefixtures("tight")
+def test_the_gpu_agrees_with_the_cpu() -> None:
+    """The graph with its loops is the same; fused multiply-add and the order of the sums on the ball are not."""
+    scene = impact(restitution=1.0)
+    cpu, gpu, again = (full(scene, 1e-5, 120, substeps=1, device=d) for d in ("cpu", "cuda:0", "cuda:0"))
+    agree(gpu, cpu)
+    assert gpu.counters()["list rebuilds"] > 2
+    assert same_bits(gpu, again)
