@@ -13,9 +13,11 @@ from dembench.reports.pages import write_page
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.svg import variable
 from dembench.reports.tables import Cell, Column, Table, grouped, numbers, significant
+from dembench.runs.environment import last_cache
 from dembench.runs.environment import machine as this_machine
 from dembench.runs.supervise import command_line
 from dembench.throughput.machine import Machine, least_work
+from dembench.throughput.model import Model, fitted
 from dembench.throughput.rates import LEAST_BUSY, Rate, settings_text
 from dembench.throughput.scenes import SERIES
 
@@ -34,8 +36,9 @@ def render(rows: Sequence[Rate], machines: Sequence[Machine], output: Path) -> P
     by_scene = {name: [row for row in rows if row.scene == name] for name in dict.fromkeys(row.scene for row in rows)}
     sized = [row for row in rows if row.scene.startswith(SERIES)]
     plots = [roofline(rows, machines, command)] if any(row.samples for row in rows) else []
+    models = fitted(rows, last_cache())
     if len({row.bodies for row in sized if row.samples}) > 1:
-        plots.append(scaling(sized, machines, command))
+        plots.append(scaling(sized, machines, models, command))
     drawings = [draw(plot) for plot in plots]
     own = this_machine()
     contended = sum(row.contended for row in rows)
@@ -54,6 +57,7 @@ def render(rows: Sequence[Rate], machines: Sequence[Machine], output: Path) -> P
         ),
         figures=drawings,
         tables=[rate_table(name, own_rows, machines) for name, own_rows in by_scene.items()],
+        model=model_table(models, own["memory"]) if models else None,
         settings=settings_table(rows),
         machine=machine_table(machines),
         command=command,
@@ -110,21 +114,27 @@ def _point(row: Rate) -> Line:
     return Line(name, np.array([work.intensity]), np.array([speed]), _colour(row), style=row.cores - 1, points=True)
 
 
-def scaling(rows: Sequence[Rate], machines: Sequence[Machine], command: str) -> Plot:
-    """Rates over the number of bodies of one bed in many sizes, below the roof of the machine."""
-    lines = []
+def scaling(rows: Sequence[Rate], machines: Sequence[Machine], models: Sequence[Model], command: str) -> Plot:
+    """Rates over the number of bodies of one bed in many sizes, below the roof of the machine, with the models."""
+    by_name, lines = {model.engine: model for model in models}, []
     for (engine, cores), own in _by_engine(rows).items():
+        name, model = _series_name(engine, cores), by_name.get(engine)
         lines.append(
             Line(
-                _series_name(engine, cores),
+                name,
                 np.array([row.bodies for row in own], dtype=float),
                 np.array([_millions(row.particle_steps_per_second) for row in own]),
                 _colour(own[0]),
                 style=cores - 1,
+                points=model is not None,
                 low=np.array([_millions(row.slowest) for row in own]),
                 high=np.array([_millions(row.fastest) for row in own]),
             )
         )
+        if model is not None:
+            bodies = np.geomspace(own[0].bodies, own[-1].bodies, 60)
+            times = np.array([model.time(n, own[0].touching, cores) for n in bodies])
+            lines.append(Line(f"{name}, model", bodies, 1e-6 / times, _colour(own[0]), style=cores - 1))
     ends = np.array([min(row.bodies for row in rows), max(row.bodies for row in rows)], dtype=float)
     work = least_work(max(row.touching for row in rows))
     known = tuple(
@@ -134,7 +144,8 @@ def scaling(rows: Sequence[Rate], machines: Sequence[Machine], command: str) -> 
     return Plot(
         "scaling",
         "Rate over the number of bodies",
-        "One settled bed between periodic sides, repeated along both. Bars are the slowest and the fastest sample.",
+        "One settled bed between periodic sides, repeated along both. Bars are the slowest and the fastest sample; the "
+        "model is fitted to the rates of all scenes.",
         "Bodies",
         (Panel("Particle-steps [10⁶/s]", tuple(lines), known, log_y=True),),
         command,
@@ -186,6 +197,49 @@ def rate_table(scene: str, rows: Sequence[Rate], machines: Sequence[Machine]) ->
         note=f"{grouped(first.bodies, 0)} bodies, {significant(first.touching, 3)} touching pairs each, from the state "
         f"{first.start}; {grouped(first.steps, 0)} steps of {significant(first.dt * 1e6)} µs are timed.",
         footnotes=tuple(text for mark, text in MARKS.items() if mark in used),
+    )
+
+
+def model_table(models: Sequence[Model], memory: float) -> Table:
+    """What a step costs by bodies, pairs and cores, and for how many bodies this machine has memory."""
+    terms = {
+        "body": Column("Body", "ns", "number", "a: a body without contacts"),
+        "pair": Column("Pair", "ns", "number", "b: a touching pair"),
+        "beyond": Column("Beyond cache", "ns", "number", "c: added where the bodies do not fit into the last cache"),
+        "serial": Column("Not divided", "ns", "number", "d: what more cores do not shorten"),
+        "step": Column("Step", "µs", "number", "e: a step of no bodies"),
+    }
+    columns: list[tuple[Column, list[Cell]]] = [
+        (
+            Column("Engine", kind="long"),
+            [Cell(m.engine, m.engine, colour=variable(_colour_of(m.engine))) for m in models],
+        )
+    ]
+    for name, column in terms.items():
+        scale = 1e6 if name == "step" else 1e9
+        values = [scale * getattr(m, name) if name in m.terms else None for m in models]
+        columns.append((column, numbers(values)))
+    columns += [
+        (
+            Column("Deviation", "%", "number", "largest of a rate from the model"),
+            _percent(m.deviation for m in models),
+        ),
+        (Column("Rates", kind="number"), numbers([m.rates for m in models], digits=1)),
+        (Column("Memory", "B", "number", "of a body"), numbers([m.memory and m.memory[1] for m in models], most=0)),
+        (
+            Column("Room", "10⁶ bodies", "number", "for which this machine has memory"),
+            numbers([_millions(m.limit(memory)) for m in models]),
+        ),
+        (Column("Beyond one machine"), [Cell("ranks of MPI" if m.divided else "no") for m in models]),
+    ]
+    return Table(
+        "model",
+        "Model of the time of a step",
+        tuple(column for column, _ in columns),
+        tuple(tuple(cells[k] for _, cells in columns) for k in range(len(models))),
+        note="Wall time of a step for each of N bodies with z touching pairs each, on p cores: "
+        "(a + b z + c m)/p + d (1 - 1/p) + e/N, with the share m of the bodies that has no place in the last cache. "
+        "What the rates at hand do not tell is left out.",
     )
 
 
@@ -269,7 +323,11 @@ def _engine(row: Rate) -> Cell:
 
 
 def _colour(row: Rate) -> str:
-    return registry.engine(row.engine.partition("[")[0]).colour
+    return _colour_of(row.engine)
+
+
+def _colour_of(engine: str) -> str:
+    return registry.engine(engine.partition("[")[0]).colour
 
 
 def _marks(row: Rate) -> str:

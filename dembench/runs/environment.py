@@ -31,6 +31,13 @@ def available_cores() -> tuple[int, ...]:
     return tuple(range(os.cpu_count() or 1))
 
 
+def last_cache() -> float | None:
+    """Size of the largest cache of a core [B], or None where the system does not say it."""
+    sizes = [_first_line(path) for path in Path("/sys/devices/system/cpu/cpu0/cache").glob("index*/size")]
+    found = [re.fullmatch(r"(\d+)([KM]?)", size) for size in sizes if size]
+    return max((int(m[1]) * {"": 1, "K": 2**10, "M": 2**20}[m[2]] for m in found if m), default=None)
+
+
 @cache
 def machine() -> dict[str, Any]:
     """What does not change while the program runs: processor, memory, GPU, system, packages, commit."""

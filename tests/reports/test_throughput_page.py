@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from reading import Page
 
-from dembench.reports.throughput import rate_table, render, roofline, scaling
+from dembench.reports.throughput import model_table, rate_table, render, roofline, scaling
 from dembench.throughput.machine import Machine, least_work
+from dembench.throughput.model import fitted
 from dembench.throughput.rates import Rate
 
 LIMITS = [Machine(1, 1e10, 4e10, 2e10, 1.0), Machine(2, 1.6e10, 8e10, 4e10, 0.5)]
@@ -69,7 +70,28 @@ def test_a_point_of_the_roofline_is_the_least_work_at_the_measured_rate() -> Non
 
 
 def test_sizes_without_a_rate_leave_the_curve() -> None:
-    plot = scaling([r for r in ROWS if r.scene.startswith("scaling")], LIMITS, "dembench bench")
+    sized = [r for r in ROWS if r.scene.startswith("scaling")]
+    plot = scaling(sized, LIMITS, [], "dembench bench")
     (curve,) = plot.panels[0].lines
     assert list(curve.x) == [1000, 5000] and list(curve.y) == [2.0, 2.5]
     assert [known.label for known in plot.panels[0].known] == ["roof of 1 core", "roof of 2 cores"]
+
+
+def test_the_model_is_drawn_with_its_engine_and_tabled(tmp_path: Path) -> None:
+    """A rate of 2 and 2.5 million at 1000 and 5000 bodies: 375 ns for each body, and 125 µs for each step."""
+    rows = [
+        row("scaling-1k", "alpha", 2e6),
+        row("scaling-5k", "alpha", 2.5e6, bodies=5000),
+        row("scaling-25k", "alpha", 1 / (375e-9 + 125e-6 / 25e3), bodies=25_000),
+    ]
+    (model,) = fitted(rows, None)
+    plot = scaling(rows, LIMITS, [model], "dembench bench")
+    curve, drawn = plot.panels[0].lines
+    assert drawn.label == "alpha, 1 core, model" and drawn.colour == curve.colour and curve.points and not drawn.points
+    assert np.interp([1000, 5000, 25_000], drawn.x, drawn.y) == pytest.approx(curve.y, rel=1e-3)
+    table = model_table([model], 16e9)
+    values = {column.title: cell.value for column, cell in zip(table.columns, table.rows[0], strict=True)}
+    assert values["Body"] == pytest.approx(375) and values["Step"] == pytest.approx(125)
+    assert values["Pair"] is None and values["Not divided"] is None
+    page = Page(render(rows, LIMITS, tmp_path / "bench.html").read_text(encoding="utf-8"))
+    assert "Model of the time of a step" in "".join(page.text)
