@@ -105,7 +105,8 @@ def test_a_resumed_run_gives_the_same_bits(kind: str, tmp_path: Path, monkeypatc
     same(straight.read(), series)
     present = [len(f.present) for f in series.frames]
     assert present[5] < present[0] and present[-1] < present[5], "grains leave before and after"
-    assert min(abs(series.frames[-1].wall_forces[w]).max() for w in ("barrel", "cone")) > 0
+    for frames in (series.frames[:5], series.frames[5:]):
+        assert all(any(f.wall_forces[w].any() for f in frames) for w in ("barrel", "cone")), "forces before and after"
     assert 0 < series.timing.loop < 60 and series.timing.source == "engine"
 
 

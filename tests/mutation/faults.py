@@ -89,8 +89,8 @@ FAULTS = (
         "half-kick",
         "the second half of a step's acceleration is left out",
         "hertz.py",
-        "kick(b, i, b.kin[i], 1 + pending, dt * wp.float64(0.5), gravity)",
-        "kick(b, i, b.kin[i], 1, dt * wp.float64(0.5), gravity)",
+        "speeds = move(b, begin, end, 1 + pending, half, dt, gravity)",
+        "speeds = move(b, begin, end, 1, half, dt, gravity)",
     ),
     Fault(
         "dropped-contact",
