@@ -24,7 +24,7 @@ from dembench.scene import Scene
 
 COUNTED = "zone2.M1"
 """The published curve: M1 grains with x < 0 and z < 0."""
-LEAST_SWING = 0.05
+LEAST_SWING = 0.015
 """Smallest swing of the count, as a share of all M1, that makes an extremum [-]."""
 STEADY = 1.0
 """Time from which surface and wall layer are those of the steady flow [s]."""

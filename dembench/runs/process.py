@@ -116,7 +116,8 @@ def run_phase(
                 else:
                     stopped = tick()
                 if stopped is not None:
-                    child.send_signal(signal.SIGTERM)
+                    # not by Popen, which would take the exit status of a child that has just ended
+                    os.kill(child.pid, signal.SIGTERM)
                     asked = time.monotonic()
             else:
                 if time.monotonic() > asked + END_GRACE:

@@ -136,6 +136,21 @@ def test_a_curve_like_the_reference_is_ok(quick):
     assert found["first_trough"] * shares == pytest.approx(12_607, rel=0.05)
 
 
+def test_a_run_of_the_first_seven_tenths_has_the_first_peak(quick):
+    """One sample beyond the tip, 5 % of the last swing below it."""
+    case, _ = parse_case("case2")
+    scene = quick.model_copy(update={"duration": 0.7, "bodies": _many(quick)})
+    result = zones(scene, lambda t: np.where(t < 0.295, 17_500 - 16_600 * t, _wave(t)))
+    found = {q.name: q.value for q in case.quantities(scene, result)}
+    assert found["first_peak"] == pytest.approx(23_250, rel=0.02)
+    assert found["first_peak_time"] == pytest.approx(0.637, abs=0.005)
+
+
+def _wave(time):
+    """Half a cosine from the first trough of the LIGGGHTS curve to its first peak, and on."""
+    return 12_607 + (23_250 - 12_607) * 0.5 * (1 - np.cos(np.pi * (time - 0.295) / 0.342))
+
+
 @pytest.mark.parametrize(
     ("change", "wrong"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 
@@ -49,6 +50,20 @@ def test_the_environment_and_the_directory_are_those_of_the_phase(phase, tmp_pat
 def test_a_program_that_does_not_exist(phase):
     ended, _, err = phase("", command=("no-such-program",))
     assert ended.exit_code == 127 and "cannot start no-such-program" in err
+
+
+def test_a_process_that_ends_while_it_is_asked_to(tmp_path):
+    """It has ended, unseen so far, when the tick asks for its end: its exit code is still found."""
+    guards = []
+
+    def tick():
+        os.waitid(os.P_PID, guards[0], os.WEXITED | os.WNOWAIT)
+        return "fault"
+
+    made = Phase(name="work", command=(sys.executable, "-S", "-c", "raise SystemExit(3)"), environment={})
+    event = threading.Event()
+    ended = run_phase(made, tmp_path, tmp_path, available_cores()[:1], None, event, tick, Usage(), guards.append)
+    assert (ended.exit_code, ended.stopped) == (3, "fault")
 
 
 def test_the_command_goes_through_no_shell(phase, tmp_path):
