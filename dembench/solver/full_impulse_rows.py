@@ -67,19 +67,26 @@ def full_rows_type(precision: str) -> Any:
 
 @cache
 def row_functions(o: CompliantOptions) -> Any:
-    """Warp functions `put`, `solve` and `given`.
+    """Warp functions `put`, `solve`, `given` and `inertia`.
 
     put(rows, at, j, slot, ...) writes a row in the middle of a substep and returns the elastic impulse on its first
     body with which it begins; solve(rows, at, ui, uj, pi, pj, h) a row with the velocities and the parts of its two
     bodies, and returns its impulse on the first body, the change of that, the spring that it leaves and whether they
-    touch at the end; given is what an impulse on a body changes.
+    touch at the end; given is what an impulse on a body changes; inertia(bodies, i) the inverse moment of inertia.
     """
     t = types(o.law.precision)
-    real, vec3, vec4, vec8, PairClass = t.real, t.vec3, t.vec4, t.vec8, t.PairClass
+    real, vec3, vec4, vec8, Bodies, PairClass = t.real, t.vec3, t.vec4, t.vec8, t.Bodies, t.PairClass
     Rows = full_rows_type(o.law.precision)
     first_impulse, spring_of = opening_functions(o).first_impulse, surface_functions(o.law).spring
-    friction, linear, no_tension = o.law.friction, o.law.linear, o.law.no_tension
+    rotation, friction, linear, no_tension = o.rotation, o.law.friction, o.law.linear, o.law.no_tension
     squares = wp.constant(SQUARES["linear" if linear else "hertz"])
+
+    @wp.func
+    def inertia(b: Bodies, i: int):
+        g = real(0.0)
+        if wp.static(rotation):
+            g = b.inv_i[i]
+        return g
 
     @wp.func
     def given(m: real, g: real, p: vec3, turn: vec3, arm: real):
@@ -251,4 +258,4 @@ def row_functions(o: CompliantOptions) -> Any:
         rows.b[at] = vec8(b[0], b[1], b[2], b[3], p[0], p[1], p[2], zero)
         return p, p - old, xi, touches
 
-    return SimpleNamespace(given=given, put=put, solve=solve)
+    return SimpleNamespace(inertia=inertia, given=given, put=put, solve=solve)
