@@ -82,7 +82,7 @@ class Recorder:
 
     def __init__(self, deck: Path, scene: Scene, dt: float, watch: Stopwatch, interval: float) -> None:
         self.deck, self.dt, self.watch, self.interval = deck, dt, watch, interval
-        self.bodies, self.walls = list(scene.tracked_bodies()), observed_walls(scene)
+        self.walls = observed_walls(scene)
         self.asked_to_end = False
         (deck / FRAMES).mkdir(exist_ok=True)
         self._unflushed: list[Path] = []
@@ -104,11 +104,9 @@ class Recorder:
         self._unflushed.append(path)
         return table
 
-    def track(self, step: int, moment: float, simulation: Any) -> None:
-        """Appends the tracked bodies."""
-        rows = np.searchsorted(simulation.ids, self.bodies)
-        state = np.hstack([simulation.position[rows], simulation.velocity[rows]])
-        self._append(TRACKS, [step, moment, *state.ravel()])
+    def track(self, step: int, moment: float, motion: tuple[np.ndarray, np.ndarray]) -> None:
+        """Appends the tracked bodies, their positions and velocities."""
+        self._append(TRACKS, [step, moment, *np.hstack(motion).ravel()])
 
     def clock(self, step: int, moment: float) -> None:
         """Appends how far the run is."""
@@ -206,17 +204,18 @@ def _loop(scene: Scene, dt: float, simulation: Any, recorder: Recorder) -> None:
     frames = {round(t / dt): float(t) for t in scene.frame_times()}
     tracks = {round(t / dt): float(t) for t in scene.track_times()}
     low, high = np.array(scene.domain.lower), np.array(scene.domain.upper)
-    tracked = np.array(scene.tracked_bodies(), dtype=np.int64)
+    tracked = scene.tracked_bodies()
     first, last = simulation.steps, round(scene.duration / dt)
     signal.signal(signal.SIGTERM, lambda *_: setattr(recorder, "asked_to_end", True))
     for step in (s for s in sorted({*frames, *tracks, last}) if s >= first):
         recorder.advance(simulation, step - simulation.steps)
         moment = frames.get(step, tracks.get(step, scene.duration))
-        left = tracked[~np.isin(tracked, simulation.ids)]
-        if len(left):
-            raise SolverError(f"tracked body {left[0]} is gone by t = {moment:g} s", reason="lost particles")
+        try:
+            motion = simulation.motion(tracked)
+        except SolverError as error:
+            raise SolverError(f"tracked {error} by t = {moment:g} s", reason=error.reason) from error
         if step in tracks:
-            recorder.track(step, moment, simulation)
+            recorder.track(step, moment, motion)
         if step in frames:
             table = recorder.frame(step, simulation)
             lost = table[((table[:, 1:4] < low) | (table[:, 1:4] > high)).any(axis=1), 0]

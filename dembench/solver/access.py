@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,16 @@ class Access:
     @velocity.setter
     def velocity(self, value: Any) -> None:
         self._write("velocity", value, "kin", 3, self.units.velocity, ("fixed",))
+
+    def motion(self, ids: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Centres [m] and velocities [m/s] of bodies, two of shape (m, 3), cheap for a few.
+
+        Raises:
+            SolverError: One of them is gone, by the reason "lost particles".
+        """
+        rows = self.state.bodies.kin.numpy()[self.state.slots(ids)].astype(np.float64)
+        position = wrapped(self.scene, rows[:, :3] * self.units.length)
+        return position, rows[:, 3:6] * self.units.velocity
 
     @property
     def angular_velocity(self) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -223,6 +224,19 @@ class BodyArrays(ABC):
         if len(array):
             out[self.rank()] = array.numpy()[: self.total, first : first + 3]
         return out * scale
+
+    def slots(self, ids: Sequence[int]) -> np.ndarray:
+        """Where bodies stand in the arrays, shape (m,); cheap for a few.
+
+        Raises:
+            SolverError: One of them is not there, by the reason "lost particles".
+        """
+        order = self.identity.numpy()[: self.total]
+        found = [np.flatnonzero(order == i) for i in ids]
+        gone = [i for i, slot in zip(ids, found, strict=True) if not len(slot)]
+        if gone:
+            raise SolverError(f"body {gone[0]} is gone", reason="lost particles")
+        return np.array([slot[0] for slot in found], dtype=np.int64)
 
     def refuse_rotation(self, field: str, values: np.ndarray) -> None:
         """Raises SolverError where bodies are to turn, by a field with values other than 0, and the state has no spins.

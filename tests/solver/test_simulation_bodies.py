@@ -190,3 +190,16 @@ def test_full_lists_refuse_by_name() -> None:
         simulation.remove(0)
     with pytest.raises(SolverError, match="full lists cannot do: sinks"):
         Simulation(cloud(sinks=(BOTTOM,)), 1e-6, lists="full")
+
+
+@each_method
+def test_the_motion_of_single_bodies_is_that_in_the_arrays(method: str) -> None:
+    """Whatever the order of the bodies in memory; one that is not there is named."""
+    simulation = Simulation(cloud(), **METHODS[method], precision="float64")
+    simulation.step(300)
+    simulation.remove(7)
+    position, velocity = simulation.motion([60, 9, 3])
+    rows = [59, 8, 3]
+    assert (position == simulation.position[rows]).all() and (velocity == simulation.velocity[rows]).all()
+    with pytest.raises(SolverError, match="body 7 is gone"):
+        simulation.motion([3, 7])
