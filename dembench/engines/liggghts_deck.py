@@ -74,7 +74,7 @@ def _values(scene: Scene, settings: Any, parts: Walls) -> dict[str, Any]:
         "rotation": present.rotation,
         "gravity": {"magnitude": magnitude, "direction": scene.gravity} if present.gravity else None,
         "fixed": [[b + 1 for b in held[k : k + IDS_PER_LINE]] for k in range(0, len(held), IDS_PER_LINE)],
-        "sinks": [_block(sink.region) for sink in scene.sinks],
+        "sinks": [block_of(sink.region) for sink in scene.sinks],
         "removal": removal(scene, settings),
         "thermo": max(1, steps // 200),
         "frame_every": every_of(steps_of(scene.frame_times(), settings.dt), steps),
@@ -101,7 +101,7 @@ def _forces(scene: Scene, parts: Walls) -> dict[str, Any]:
     return {"summed": summed, "stressed": stressed, "forces": sums}
 
 
-def _block(region: Region) -> str:
+def block_of(region: Region) -> str:
     """A region as arguments of the style `block`."""
     bounds = [
         "INF" if bound is None else repr(bound)

@@ -173,7 +173,7 @@ def _add_turning(made: Walls, wall: Cylinder, k: int, kind: int, shape: str, axi
     assert wall.motion is not None, "a wall at rest does not turn"
     radii = scene.radii()
     for size, radius in enumerate(np.unique(radii), 1):
-        made.groups.setdefault(f"size{size}", _ranges(np.flatnonzero(radii == radius) + 1))
+        made.groups.setdefault(f"size{size}", ranges(np.flatnonzero(radii == radius) + 1))
         speed = wall.motion.angular_velocity[axis] * wall.radius / (wall.radius - float(radius))
         shear = f"shear {AXES[(axis + 1) % 3]} {speed!r}"
         made.primitives.append(Primitive(f"w{k}_s{size}", wall.name, kind, shape, f"size{size}", shear))
@@ -181,7 +181,7 @@ def _add_turning(made: Walls, wall: Cylinder, k: int, kind: int, shape: str, axi
         made.surfaces.append(Surface(f"wall{k}_{wall.name}_ends", wall.name, kind, discs(wall), wall.motion))
 
 
-def _ranges(numbers: np.ndarray) -> list[str]:
+def ranges(numbers: np.ndarray) -> list[str]:
     """Ascending numbers as ranges a:b."""
     runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
     return [f"{run[0]}:{run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]

@@ -11,6 +11,7 @@ BUILT_IN = {
     "peclet": "dembench.engines.peclet:Peclet",
     "peclet-hertz": "dembench.engines.peclet_hertz:PecletHertz",
     "liggghts": "dembench.engines.liggghts:Liggghts",
+    "lammps": "dembench.engines.lammps:Lammps",
     "musen": "dembench.engines.musen:Musen",
 }
 GROUP = "dembench.engines"
