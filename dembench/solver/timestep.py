@@ -27,9 +27,9 @@ SAFETY = 0.8
 """Share of the critical step that is used; damping lowers the critical step."""
 STEPS_PER_CONTACT = {True: 8, False: 20}
 """Steps in the shortest contact, by whether the dashpots use the mean velocity of the step."""
-PARTICLE_STEPS_PER_SECOND = 5e6
-"""Throughput of one core for forecasts: half lists, float32, friction, on the published bed of 25 000 grains; 7.5e6 was
-measured on an idle core."""
+PARTICLE_STEPS_PER_SECOND = 1.4e7
+"""Throughput of one core for forecasts: half lists, float32, friction, in the published drum; 1.8e7 to 2.1e7 was measured
+on the settled bed of 25 000 grains, with and without the ball."""
 LEAST_BODIES = 100
 """A step of fewer bodies than this takes as long as one of this many."""
 
