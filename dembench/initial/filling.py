@@ -319,9 +319,10 @@ def _settle(plan: Filling, start: np.ndarray, progress: Progress, checkpoints: C
         if k + 1 == len(stages):
             break
         simulation = _simulation(plan, simulation.position, stages[k + 1])
-    checkpoints.clear(len(stages))
     found = measure(plan, simulation.position)
+    # the last state of one that is refused stays: the next attempt need not begin anew to say so again
     check_packing(plan, found)
+    checkpoints.clear(len(stages))
     progress(1.0, found.line())
     return simulation.position
 

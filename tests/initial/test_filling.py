@@ -176,6 +176,18 @@ def test_a_damaged_checkpoint_is_left_aside(monkeypatch):
     assert list(cache_directory().iterdir()) == [stored]
 
 
+def test_a_bed_that_is_refused_need_not_settle_anew(monkeypatch):
+    monkeypatch.setattr(filling, "CHECKPOINT", 0.0)
+    asked = plan(count=60, height=0.05)
+    with pytest.raises(PackingError, match="not as it should be"):
+        filled(asked, seed=0)
+    assert [path.name[-10:] for path in cache_directory().iterdir()] == ["stage1.npz"]
+    seen = []
+    with pytest.raises(PackingError, match="not as it should be"):
+        filled(asked, 0, lambda done, message: seen.append(done))
+    assert seen[0] > 0.5
+
+
 def test_locked_particles_arch_and_the_loose_protocol_is_looser():
     fractions = {}
     for name, protocol in (("default", Protocol()), ("loose", filling.LOOSE)):
