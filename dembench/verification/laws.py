@@ -38,7 +38,8 @@ class NamedLaw:
         damping: Dashpots that give the restitution where tension is kept (`tsuji`), or where it is not (`thornton`).
         bound: Coulomb bound: friction times the whole normal force, or times its spring alone.
         limited: What the bound limits: the shear spring, beyond which there is no dashpot (`spring`), or spring and
-            dashpot together (`sum`); `spring, dashpot kept`: the spring, and the dashpot acts beyond it, too.
+            dashpot together (`sum`), and then the spring alone or, `sum, spring wound back`, so that their sum is the
+            bound; `spring, dashpot kept`: the spring, and the dashpot acts beyond it, too.
         shear: Share of Mindlin's stiffness [-].
         shear_damping: Whether the shear has a dashpot.
         history: What is remembered: the way of the slip, or the force.
@@ -52,7 +53,7 @@ class NamedLaw:
     tension: bool = True
     damping: Literal["tsuji", "thornton"] = "tsuji"
     bound: Literal["whole", "spring"] = "whole"
-    limited: Literal["spring", "sum", "spring, dashpot kept"] = "spring"
+    limited: Literal["spring", "sum", "sum, spring wound back", "spring, dashpot kept"] = "spring"
     shear: float = 1.0
     shear_damping: bool = True
     history: Literal["way", "force"] = "way"
@@ -85,6 +86,12 @@ LAWS = (
         "peclet.dem",
         bound="spring",
         limited="sum",
+    ),
+    NamedLaw(
+        "wound-spring",
+        "Hertz-Mindlin, shear spring wound back until it and its dashpot meet the friction bound",
+        "LAMMPS mindlin",
+        limited="sum, spring wound back",
     ),
     NamedLaw(
         "sliding-dashpot",
@@ -136,7 +143,8 @@ class Forces:
         self.half = of_laws(0.5 * (law.lever == "reduced") for law in laws)
         self.force_kept = of_laws(law.history == "force" for law in laws) > 0
         self.by_spring = of_laws(law.bound == "spring" for law in laws) > 0
-        self.sum_limited = of_laws(law.limited == "sum" for law in laws) > 0
+        self.wound_back = of_laws(law.limited == "sum, spring wound back" for law in laws) > 0
+        self.sum_limited = self.wound_back | (of_laws(law.limited == "sum" for law in laws) > 0)
         self.dashpot_kept = of_laws(law.limited == "spring, dashpot kept" for law in laws) > 0
         share = of_laws(law.shear for law in laws)
         usual = damping_ratio(contacts.restitution)
@@ -170,11 +178,17 @@ class Forces:
         shear = np.where(self.sum_limited, np.clip(spring + damper, -bound, bound), shear)
         return fn, shear, vt * np.where(self.force_kept, stiffness, 1.0) * (overlap > 0)
 
-    def cut(self, overlap: np.ndarray, vn: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The shear's memory cut to its bound, to nothing where bodies part; and which slide."""
-        _, stiffness, _, bound = self._parts(overlap, vn)
-        limit = bound / np.where(self.force_kept | (overlap <= 0), 1.0, stiffness)
-        return np.where(overlap > 0, np.clip(memory, -limit, limit), 0.0), np.abs(memory) > limit
+    def cut(
+        self, overlap: np.ndarray, vn: np.ndarray, vt: np.ndarray, memory: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The shear's memory cut to its bound, to nothing where bodies part; and which slide. Arguments as in `of`."""
+        _, stiffness, dashpot, bound = self._parts(overlap, vn)
+        scale = np.where(self.force_kept | (overlap <= 0), 1.0, stiffness)
+        damper = np.where(self.wound_back & (bound > 0), dashpot * vt, 0.0)
+        force = scale * memory + damper
+        slides = np.abs(force) > bound
+        kept = np.where(slides, (np.clip(force, -bound, bound) - damper) / scale, memory)
+        return np.where(overlap > 0, kept, 0.0), slides
 
     def _parts(self, overlap: np.ndarray, vn: np.ndarray) -> tuple[np.ndarray, ...]:
         """Normal force, stiffness of the shear spring, its dashpot, bound; all 0 where bodies do not touch."""

@@ -173,7 +173,7 @@ class _Touching:
 
     def bounded(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         overlap = np.maximum(state[..., 0], 0.0)
-        state[..., 5], slides = self.forces.cut(overlap, -state[..., 1], state[..., 5])
+        state[..., 5], slides = self.forces.cut(overlap, -state[..., 1], state[..., 2], state[..., 5])
         return state, slides
 
 

@@ -153,8 +153,8 @@ class _Colliding:
         return change
 
     def bounded(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        _, overlap, vn, _, _ = self._geometry(state)
-        state[..., 10], slides = self.forces.cut(overlap, vn, state[..., 10])
+        _, overlap, vn, vt, _ = self._geometry(state)
+        state[..., 10], slides = self.forces.cut(overlap, vn, vt, state[..., 10])
         return state, slides
 
     def _geometry(self, state: np.ndarray) -> tuple[np.ndarray, ...]:
