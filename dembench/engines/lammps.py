@@ -33,6 +33,7 @@ import subprocess
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from dembench.engines.base import (
@@ -50,7 +51,6 @@ from dembench.engines.lammps_deck import deck
 from dembench.engines.lammps_output import DECK, LOG, failure_in, last_step, read_frames, read_tracks, timing_in
 from dembench.engines.lammps_walls import approximated, refused
 from dembench.engines.liggghts_deck import write_bodies
-from dembench.engines.liggghts_output import steps_of
 from dembench.scene import HertzMindlin, Scene, features
 from dembench.scene.base import Positive
 
@@ -111,8 +111,8 @@ class Lammps(Engine):
         found = re.search(r"^LAMMPS \((.+)\)$", said, re.M)
         if found is None:
             return Probe(available=False, path=path, reason=f"{path} prints no banner of LAMMPS", install=INSTALL)
-        if error := re.search(r"^ERROR.*", said, re.M):
-            reason = f"{path} lacks the granular package or its damping coeff_restitution: {error[0]}"
+        if complaint := re.search(r"^ERROR.*", said, re.M):
+            reason = f"{path} lacks the granular package or its damping coeff_restitution: {complaint[0]}"
             return Probe(available=False, version=found[1], path=path, reason=reason, install=INSTALL)
         facts = {"sha256": digest}
         if launcher := _mpiexec(path):
@@ -161,7 +161,7 @@ class Lammps(Engine):
 
     def write(self, scene: Scene, settings: LammpsSettings, directory: Path) -> list[Phase]:
         """See `Engine.write`: in.lammps, bodies.data, an empty directory for frames."""
-        write_bodies(scene, (scene.domain.lower, scene.domain.upper), directory / "bodies.data")
+        write_bodies(scene, (np.array(scene.domain.lower), np.array(scene.domain.upper)), directory / "bodies.data")
         (directory / FRAMES).mkdir(exist_ok=True)
         program = _program() or "lmp"
         command = [program, "-in", DECK, "-log", LOG]
@@ -182,7 +182,7 @@ class Lammps(Engine):
         loop, counters = timing_in(text)
         failure, detail = ("lost particles", gone) if gone else failure_in(text)
         reached = last_step(text)
-        ended = reached == steps_of([scene.duration], settings.dt)[0] and loop is not None
+        ended = reached == round(scene.duration / settings.dt) and loop is not None
         if failure is None and ended and len(frames) < len(scene.frame_times()):
             failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
         timing = Timing(loop=loop, source="engine") if ended else Timing()

@@ -204,9 +204,10 @@ def _motion(motion: Motion | None, id: str) -> tuple[list[str], str]:
         moved += f" move v_{id}_x v_{id}_y v_{id}_z"
     if any(motion.angular_velocity):
         rate = math.hypot(*motion.angular_velocity)
-        axis = tuple(component / rate for component in motion.angular_velocity)  # its length multiplies the speed
+        # its length multiplies the speed
+        direction = tuple(component / rate for component in motion.angular_velocity)
         variables.append(f"{id}_turn equal {rate!r}*time")
-        moved += f" rotate v_{id}_turn {_numbers(motion.centre)} {_numbers(axis)}"
+        moved += f" rotate v_{id}_turn {_numbers(motion.centre)} {_numbers(direction)}"
     return variables, moved
 
 
