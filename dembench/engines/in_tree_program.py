@@ -92,8 +92,12 @@ class Recorder:
 
     def frame(self, step: int, simulation: Any) -> np.ndarray:
         """Writes all bodies and, where observed, the forces on walls; returns the table of the bodies."""
-        columns = [simulation.ids[:, None], simulation.position, simulation.velocity, simulation.angular_velocity]
-        table = np.hstack(columns)
+        ids = simulation.ids
+        table = np.empty((len(ids), 10))
+        table[:, 0] = ids
+        # one after the other: all at once would need as much memory again
+        for first, name in ((1, "position"), (4, "velocity"), (7, "angular_velocity")):
+            table[:, first : first + 3] = getattr(simulation, name)
         path = self.deck / FRAMES / f"{step}.npy"
         if self.walls:
             np.save(forces_of(path), [simulation.wall_force(wall) for wall in self.walls])

@@ -55,6 +55,9 @@ def _checked(array: np.ndarray) -> np.ndarray:
             f"particle {index[0]} has the value {array[index]}; all {array.size} values must be finite numbers "
             f"({len(bad)} are not)"
         )
+    if not array.view(np.uint64).any():
+        # of a state at rest: one zero in memory stands for all
+        return np.broadcast_to(0.0, array.shape)
     array.setflags(write=False)
     return array
 

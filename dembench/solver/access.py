@@ -44,8 +44,9 @@ class Access:
     _balance: Balance
     # by id, of all bodies that are or were there
     _species: np.ndarray
-    _radii: np.ndarray
-    _masses: np.ndarray
+    # of those that came in
+    _later_radii: np.ndarray
+    _later_masses: np.ndarray
     # whether lists and forces are those of another state
     _changed: bool
 
@@ -70,12 +71,12 @@ class Access:
     @property
     def radii(self) -> np.ndarray:
         """Radii [m], shape (n,)."""
-        return self._radii[self.ids]
+        return np.append(self.scene.radii(), self._later_radii)[self.ids]
 
     @property
     def masses(self) -> np.ndarray:
         """Masses [kg], shape (n,)."""
-        return self._masses[self.ids]
+        return np.append(self.scene.masses(), self._later_masses)[self.ids]
 
     @property
     def position(self) -> np.ndarray:

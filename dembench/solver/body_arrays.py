@@ -37,7 +37,7 @@ class BodyArrays(ABC):
         lookup: How pair constants are looked up.
         cuts: Shares of the sorted bodies at which the ranges of the threads begin and end, shape (parts + 1,).
         n, total: Number of small particles, which are sorted, and of all; the large bodies stand behind them.
-        small_at_start: Ids of the small bodies of the scene.
+        small_species: Species of the small bodies of the scene, ascending.
         limit: Above all ids of bodies that there are or were.
         identity: Id of each body.
         sinks: Regions where bodies leave [m].
@@ -75,8 +75,8 @@ class BodyArrays(ABC):
             big = np.empty(0, int)
         self.total = self.limit = len(radii)
         self.n = self.total - len(big)
-        self.identity_start = np.concatenate([np.setdiff1d(np.arange(self.total), big), big]).astype(np.int32)
-        self.small_at_start = self.identity_start[: self.n]
+        ids = np.concatenate([np.setdiff1d(np.arange(self.total), big), big])
+        self.small_species = np.unique(scene.bodies.species[ids[: self.n]])
         self.parts = max(1, min(threads, self.n // 64))
         self.cuts = np.linspace(0, 1, self.parts + 1)
         self.walls = WallSet(scene, units, self.parts, self.device, wall_loads, self.needs)
@@ -85,14 +85,15 @@ class BodyArrays(ABC):
         self.periodic = bool(self.box.any()) or self.needs.forces("periodic")
         self.radius = 0.0 if self.needs.radii else float(radii.max(initial=0.0))
         self.kernels = self._kernels()
-        self.reach = 2 * float(radii[self.identity_start[: self.n]].max(initial=0.5))
+        self.reach = 2 * float(radii[ids[: self.n]].max(initial=0.5))
         self.sinks = [sink.region for sink in scene.sinks]
         self.drained = np.zeros(len(self.sinks), dtype=np.int64)
         self.rebuilds = 0
+        self._loaded = self.needs.loads
         self._pool = ThreadPoolExecutor(self.parts) if self.parts > 1 else None
         self.allocate(max(1, self.total))
         self.divide()
-        self._fill(scene, radii)
+        self._fill(scene, radii, ids)
         self._lists()
 
     # ---- what depends on the lists
@@ -135,21 +136,30 @@ class BodyArrays(ABC):
         return b
 
     def _bodies(self, n: int) -> Any:
-        t, needs = self.types, self.needs
-        turns = needs.rotation
+        t, turns = self.types, self.needs.rotation
         b = self._record()
         b.kin = wp.zeros(n, dtype=vec8d, device="cpu")
         b.spin = wp.zeros(n * turns, dtype=t.vec4, device="cpu")
-        b.load = wp.zeros(n * (needs.loads and turns), dtype=t.vec8, device="cpu")
-        b.force = wp.zeros(n * (needs.loads and not turns), dtype=t.vec4, device="cpu")
+        b.load = wp.zeros(n * (self._loaded and turns), dtype=t.vec8, device="cpu")
+        b.force = wp.zeros(n * (self._loaded and not turns), dtype=t.vec4, device="cpu")
         b.inv_m = wp.zeros(n, dtype=t.real, device="cpu")
         b.inv_i = wp.zeros(n * turns, dtype=t.real, device="cpu")
         b.kind = wp.zeros(n, dtype=wp.int32, device="cpu")
         return b
 
     def loads(self) -> wp.array:
-        """What acts on the bodies, in rows that begin with the force: `load`, or `force` where nothing turns."""
+        """What acts on the bodies, in rows that begin with the force: `load`, or `force` where nothing turns.
+
+        There are none where no step needs them and `keep_loads` was not called.
+        """
         return self.bodies.load if self.needs.rotation else self.bodies.force
+
+    def keep_loads(self) -> None:
+        """Makes `loads`, zeros, where there are none."""
+        if not self._loaded:
+            self._loaded = True
+            made = self._bodies(len(self.bodies.kin))
+            self.bodies.load, self.bodies.force = made.load, made.force
 
     def _ints(self, n: int) -> wp.array:
         return wp.zeros(max(1, n), dtype=wp.int32, device="cpu")
@@ -165,9 +175,9 @@ class BodyArrays(ABC):
         self.ranges_host = ranges
         self.ranges = wp.array(ranges, dtype=wp.int32, device="cpu")
 
-    def _fill(self, scene: Scene, radii: np.ndarray) -> None:
-        """Puts the scene's initial state into the arrays."""
-        u, ids = self.units, self.identity_start
+    def _fill(self, scene: Scene, radii: np.ndarray, ids: np.ndarray) -> None:
+        """Puts the scene's initial state into the arrays, sorted as the ids."""
+        u = self.units
         if not len(ids):
             return
         mass = scene.masses() / u.mass
@@ -223,7 +233,8 @@ class BodyArrays(ABC):
         array = getattr(self.bodies, name)
         if len(array):
             out[self.rank()] = array.numpy()[: self.total, first : first + 3]
-        return out * scale
+        out *= scale
+        return out
 
     def slots(self, ids: Sequence[int]) -> np.ndarray:
         """Where bodies stand in the arrays, shape (m,); cheap for a few.

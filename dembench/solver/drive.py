@@ -154,6 +154,7 @@ class Drive:
     def _lay(self, state: Any, time: float, dt: float) -> None:
         """Writes the loads of the middle of the step, and counts half of their work by the velocities before it."""
         self._laid = ids, force, torque = self._loads(state, time, 0.5 * dt)
+        state.keep_loads()
         load, slots = state.loads().numpy(), self._slots_of(state, ids)
         load[:] = 0
         load[slots, :3] = force / state.units.force

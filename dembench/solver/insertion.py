@@ -80,7 +80,7 @@ class Newcomers:
 def _species_that_fit(simulation: Any) -> list[int]:
     """Species for which the kernels were made: those of the bodies at the start, or of the small ones if all alike."""
     scene = simulation.scene
-    small = np.unique(scene.bodies.species[simulation.state.small_at_start])
+    small = simulation.state.small_species
     only = len(small) == 1 and simulation.state.lookup != RADII
     return [int(k) for k in (small if only else np.unique(scene.bodies.species))]
 

@@ -138,7 +138,7 @@ def _needs(scene: Scene, force: tuple[str, ...], name: str, rows: str) -> Needs:
             raise SolverError(f"force: '{feature}' cannot be forced; accepted are {', '.join(FORCEABLE)}")
     if "rolling_friction" in force and (name == "impulse" or features(scene).shapes):
         raise SolverError("force: rolling friction is for spheres and the soft-sphere solver")
-    return Needs.of(scene, force, loads=not rigid or features(scene).shapes, impulses=rigid)
+    return Needs.of(scene, force, loads=name == "soft-sphere" or features(scene).shapes, impulses=rigid)
 
 
 def _one_of(field: Literal["method", "rows"], value: str, accepted: tuple[str, ...]) -> str:

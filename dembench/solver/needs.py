@@ -15,7 +15,7 @@ class Needs:
     Attributes:
         present: Features of the scene and those forced.
         force: Names of the forced ones.
-        loads: Forces on bodies are kept from step to step.
+        loads: Forces on bodies are kept from step to step, whether or not some come from outside.
         impulses: Contacts remember the impulses of the last step, whatever the law.
     """
 

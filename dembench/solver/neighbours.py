@@ -45,7 +45,6 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
 
     @wp.func
     def put(kept: Kept, k: int, i: int, j: int, memory: vec4, head: wp.array(dtype=wp.int32)):
-        kept.i[k] = i
         kept.j[k] = j
         kept.memory[k] = memory
         kept.follow[k] = head[i]
@@ -125,7 +124,6 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
         # outputs
         kept: Kept,
         head: wp.array(dtype=wp.int32),
-        found: wp.array(dtype=wp.int32),
     ):
         """Takes the pairs that have a memory out of the lists, chained to the lower of their new indices."""
         total = int(0)
@@ -137,10 +135,8 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
                 m = lists.memory[k]
                 if m[3] != real(0.0):
                     a, c = place[lists.i[k]], place[lists.j[k]]
-                    if total < kept.i.shape[0]:
-                        put(kept, total, wp.min(a, c), wp.max(a, c), seen(m, a, c), head)
+                    put(kept, total, wp.min(a, c), wp.max(a, c), seen(m, a, c), head)
                     total += 1
-        found[0] = total
 
     @wp.func
     def carried(i: int, j: int, kept: Kept, head: wp.array(dtype=wp.int32)):
@@ -246,7 +242,6 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
         # outputs
         kept: Kept,
         head: wp.array(dtype=wp.int32),
-        found: wp.array(dtype=wp.int32),
     ):
         """Takes the wall candidates that have a memory out of the lists, chained to the new index of their body."""
         total = int(0)
@@ -255,10 +250,8 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
         for p in range(parts):
             for q in range(p * capacity, p * capacity + count[p]):
                 if lists.wall_memory[q][3] != real(0.0):
-                    if total < kept.i.shape[0]:
-                        put(kept, total, place[lists.wall_i[q]], lists.wall_f[q], lists.wall_memory[q], head)
+                    put(kept, total, place[lists.wall_i[q]], lists.wall_f[q], lists.wall_memory[q], head)
                     total += 1
-        found[0] = total
 
     @wp.kernel(enable_backward=False, module="unique")
     def build_walls(

@@ -259,7 +259,8 @@ class Operations(Access):
         ids = state.limit + np.arange(len(new.radii))
         if len(ids):
             self._species = np.concatenate([self._species, new.species])
-            self._radii, self._masses = np.append(self._radii, new.radii), np.append(self._masses, new.masses)
+            self._later_radii = np.append(self._later_radii, new.radii)
+            self._later_masses = np.append(self._later_masses, new.masses)
             insert(state, new.columns(), ids)
             self.drive.grow(state.limit)
             self._changed = True

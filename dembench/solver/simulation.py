@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from dembench.scene import Scene, scene_from_arrays
 from dembench.solver import soft
 from dembench.solver.drive import Drive
@@ -104,8 +106,7 @@ class Simulation(Operations):
         self.dt = choose_step(solved, midpoint).step if dt == "auto" else dt or scene.closed_step()
         self.settings = {**settings, "dt": self.dt}
         self.steps = 0
-        # by id, of all bodies that are or were there
-        self._species, self._radii, self._masses = scene.bodies.species, scene.radii(), scene.masses()
+        self._species, self._later_radii, self._later_masses = scene.bodies.species, np.zeros(0), np.zeros(0)
         self.drive = Drive(len(scene.bodies), halves=not chosen.impulses, steady=chosen.compliant)
         self._balance = Balance()
         self.units = scene_units(scene)

@@ -11,6 +11,7 @@ import warp as wp
 from dembench.solver.body_arrays import BodyArrays
 from dembench.solver.neighbours import list_kernels
 from dembench.solver.population import drain, large_pairs, listed_at_walls, listed_pairs
+from dembench.solver.workspace import Workspace
 
 LISTED = 5
 """Pairs of a body that there is room for at first; lists grow beyond it."""
@@ -23,6 +24,7 @@ class State(BodyArrays):
         lists: The Warp record that kernels take.
         base: Where the regions of the pair lists begin.
         pair_count, wall_count, near_count: How much the lists hold.
+        workspace: Memory of what only a rebuild needs; a stepper may have it in between.
     """
 
     def _kernels(self) -> Any:
@@ -34,9 +36,9 @@ class State(BodyArrays):
     def allocate(self, n: int) -> None:
         """Empty arrays for n bodies."""
         self.bodies, self.identity = self._bodies(n), self._ints(n)
-        self.cell, self.order, self.place, self.head = (self._ints(n) for _ in range(4))
 
     def _lists(self) -> None:
+        self.workspace = Workspace()
         self._set_room(max(64, LISTED * self.n // self.parts), 64)
         self.wall_capacity = max(64, self.n // 4)
         self.big_capacity = 1024
@@ -46,8 +48,6 @@ class State(BodyArrays):
         self._new_walls(lists)
         lists.big_i, lists.big_j = self._ints(self.big_capacity), self._ints(self.big_capacity)
         lists.big_memory = self.contact_memory(self.big_rows * self.total)
-        self._found = self._ints(1)
-        self._keep_room(0)
         self.pair_count = self._ints(2 * self.parts)
         self.wall_count = self._ints(self.parts)
         self.near_count = self._ints(2 * self.parts + 1)
@@ -59,14 +59,10 @@ class State(BodyArrays):
 
     def _new_pairs(self, lists: Any) -> None:
         pairs = int(self.base.numpy()[-1])
+        # the old ones go first: there is never room for both
+        lists.i = lists.j = lists.near = lists.memory = None
         lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
         lists.memory = self.contact_memory(pairs)
-
-    def _keep_room(self, contacts: int) -> None:
-        """Room for what contacts remember during a rebuild."""
-        kept = self._kept = self.types.Kept()
-        kept.i, kept.j, kept.follow = (self._ints(contacts) for _ in range(3))
-        kept.memory = self.contact_memory(contacts)
 
     def _new_walls(self, lists: Any) -> None:
         candidates = self.parts * self.wall_capacity
@@ -84,15 +80,17 @@ class State(BodyArrays):
         self._wrap()
         drain(self)
         self._balance()
-        grid = self._sort()
+        grid, place, head, kept = self._sort()
+        regions = [2 * self.parts, self.base, self.pair_count]
+        self._keep(self.kernels.keep, *regions, place, self.n, kept, head)
         while True:
-            self._build(grid)
+            self._build(grid, kept, head)
             needed, room = self.pair_count.numpy(), np.diff(self.base.numpy())
             if (needed <= room).all():
                 break
             self._set_room(int(1.1 * needed[0::2].max()) + 64, int(1.5 * needed[1::2].max()) + 64)
             self._new_pairs(self.lists)
-        self._build_walls()
+        self._build_walls(place, kept, head)
         self.near_count.zero_()
 
     def _balance(self) -> None:
@@ -104,24 +102,32 @@ class State(BodyArrays):
             self.cuts = np.interp(np.linspace(0, done[-1], self.parts + 1), done, self.cuts)
             self.divide()
 
-    def _sort(self) -> tuple[Any, ...]:
-        launch, n, b = self._launch, self.n, self.bodies
+    def _sort(self) -> tuple[tuple[Any, ...], wp.array, wp.array, Any]:
+        """Sorts the small bodies by cell.
+
+        Returns:
+            The grid with the first body of each cell; where each body has gone; room for what contacts remember, and
+            for the first of them of each body.
+        """
+        n, total = self.n, self.total
         grid = (wp.vec3d(), wp.vec3d(), wp.vec3i(0, 1, 2), wp.vec3i(1, 1, 1))
         if n:
             grid = self.grid(*self._box())
-        self.start = self._ints(int(np.prod(list(grid[3]))) + 1)
+        cells, kept = int(np.prod(list(grid[3]))), self.types.Kept()
+        contacts = max(_remembering(listed) for listed in (listed_pairs(self), listed_at_walls(self)))
+        lengths = [cells + 1, n, n, total, total, contacts, contacts]
+        *numbers, kept.memory = self.workspace.arrays(*((k, wp.int32) for k in lengths), (contacts, self.types.vec4))
+        start, cell, order, place, head, kept.j, kept.follow = numbers
         if n:
-            launch(self.kernels.sort, b, n, *grid, self.cell, self.start, self.order)
-        self._reorder()
-        regions = [2 * self.parts, self.base, self.pair_count]
-        self._keep(self.kernels.keep, self.lists, *regions, self.place, self.n)
-        return grid
+            self._launch(self.kernels.sort, self.bodies, n, *grid, cell, start, order)
+        self._reorder(order.numpy())
+        place.numpy()[:] = np.arange(total)
+        place.numpy()[order.numpy()] = np.arange(n)
+        return (*grid, start), place, head, kept
 
-    def _reorder(self) -> None:
+    def _reorder(self, order: np.ndarray) -> None:
         """Moves all that belongs to the small bodies into the new order; large ones stay where they are."""
-        n, order = self.n, self.order.numpy()[: self.n]
-        place = self.place.numpy()
-        place[order], place[n:] = np.arange(n), np.arange(n, len(place))
+        n = self.n
         bodies = [getattr(self.bodies, name) for name in self.bodies._cls.vars]
         for array in (self.identity, *(a for a in bodies if isinstance(a, wp.array) and len(a))):
             rows = array.numpy()
@@ -131,18 +137,12 @@ class State(BodyArrays):
             memory = memory.reshape(self.big_rows, self.total, 4)
             memory[:, :n] = memory[:, order]
 
-    def _keep(self, kernel: Any, *inputs: Any) -> None:
+    def _keep(self, kernel: Any, *arguments: Any) -> None:
         """Puts aside what contacts remember; the lists are then written anew."""
-        if not self.needs.history:
-            return
-        while True:
-            self._launch(kernel, *inputs, self._kept, self.head, self._found)
-            found = int(self._found.numpy()[0])
-            if found <= len(self._kept.i):
-                return
-            self._keep_room(int(1.1 * found) + 64)
+        if self.needs.history:
+            self._launch(kernel, self.lists, *arguments)
 
-    def _build(self, grid: tuple[Any, ...]) -> None:
+    def _build(self, grid: tuple[Any, ...], kept: Any, head: wp.array) -> None:
         def one(part: int) -> None:
             self._launch(
                 self.kernels.build,
@@ -152,9 +152,8 @@ class State(BodyArrays):
                 self.bodies,
                 self.skin,
                 *grid,
-                self.start,
-                self._kept,
-                self.head,
+                kept,
+                head,
                 self.base,
                 self.lists,
                 self.pair_count,
@@ -169,11 +168,11 @@ class State(BodyArrays):
         low, high = box.numpy()
         return low, high
 
-    def _build_walls(self) -> None:
+    def _build_walls(self, place: wp.array, kept: Any, head: wp.array) -> None:
         if not self.walls.count:
             return
         candidates = [self.parts, self.wall_capacity, self.wall_count]
-        self._keep(self.kernels.keep_walls, self.lists, *candidates, self.place, self.total)
+        self._keep(self.kernels.keep_walls, *candidates, place, self.total, kept, head)
 
         def one(part: int) -> None:
             spans = [(int(self.ranges_host[part]), int(self.ranges_host[part + 1]), self.skin)]
@@ -182,7 +181,7 @@ class State(BodyArrays):
                 # where there are meshes, whose many parts cost more than a rebuild
                 spans.append((self.n, self.total, self.skin if self.walls.options.meshes else 1e30))
             for first, last, skin in spans:
-                inputs = [part, first, last, self.bodies, self.walls.record, skin, self._kept, self.head]
+                inputs = [part, first, last, self.bodies, self.walls.record, skin, kept, head]
                 inputs += [part * self.wall_capacity, self.wall_capacity]
                 self._launch(self.kernels.build_walls, *inputs, self.lists, self.wall_count)
 
@@ -221,8 +220,10 @@ class State(BodyArrays):
         }
         if not self.needs.history:
             return listed
-        pairs, walls, large = (
-            int(sum(np.count_nonzero(row[-1][:, 3]) for row in rows(self)))
-            for rows in (listed_pairs, listed_at_walls, large_pairs)
-        )
+        pairs, walls, large = (_remembering(rows(self)) for rows in (listed_pairs, listed_at_walls, large_pairs))
         return {**listed, "pairs in contact": pairs + large, "contacts with walls": walls}
+
+
+def _remembering(listed: list[tuple[Any, ...]]) -> int:
+    """Number of listed contacts with a memory."""
+    return int(sum(np.count_nonzero(memory[:, 3]) for *_, memory in listed))

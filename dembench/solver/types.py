@@ -35,8 +35,8 @@ def types(precision: str) -> Any:
     against wall features wall_f, those of one body side by side, with their memory; candidates of the large bodies. The
     memories have no elements where contacts remember nothing.
 
-    Kept: what contacts remember while lists are built anew, that of two bodies i < j or of body i at wall feature j;
-    follow: the next one of the same i, -1 behind the last.
+    Kept: what contacts remember while lists are built anew, that of a body and a higher one j or a wall feature j;
+    follow: the next one of the same body, -1 behind the last.
     """
     real: Any = {"float32": wp.float32, "float64": wp.float64}[precision]
     vec3: Any = wp.types.vector(3, real)
@@ -79,7 +79,6 @@ def types(precision: str) -> Any:
         big_memory: wp.array(dtype=vec4)
 
     class Kept:
-        i: wp.array(dtype=wp.int32)
         j: wp.array(dtype=wp.int32)
         memory: wp.array(dtype=vec4)
         follow: wp.array(dtype=wp.int32)

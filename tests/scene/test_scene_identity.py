@@ -181,3 +181,12 @@ def test_grids_compare_by_content_and_survive_their_file(small_scene, tmp_path):
 def test_meshes_compare_by_content():
     a = [Mesh(name="m", material="s", triangles=[[[0, 0, 0], [1, 0, 0], [0, x, 0]]]) for x in (1.0, 1.0, 2.0)]
     assert a[0] == a[1] and hash(a[0]) == hash(a[1]) and a[0] != a[2]
+
+
+def test_a_state_at_rest_is_one_zero_in_memory():
+    """It has the content of an array of zeros; what is not exactly 0, a sign for one, is kept."""
+    position = [[0.0, 0.0, 0.1], [0.0, 0.0, 0.2]]
+    still = Bodies(position=position)
+    assert still.velocity.strides == still.angular_velocity.strides == (0, 0)
+    assert still == Bodies(position=position, velocity=np.zeros((2, 3)))
+    assert np.signbit(Bodies(position=position, velocity=np.full((2, 3), -0.0)).velocity).all()

@@ -65,3 +65,18 @@ def test_rows_of_a_block_share_no_body_and_every_near_pair_has_one(threads: int)
             assert walls == state.wall_count.numpy()[part] > 0
     assert sorted(found) == sorted(k for _, k in expected)
     assert filled / (blocks * LANES) > 0.9
+
+
+def test_constants_that_all_pairs_share_stand_once() -> None:
+    """Rows with constants of their own give the same bits and contacts; at walls and at the ball both have them."""
+    shared, own = (Simulation(bed(), 2e-5, method="impulse", force=force) for force in ((), ("pair_table",)))
+    for simulation in (shared, own):
+        simulation.step(20)
+    assert np.array_equal(shared.position, own.position)
+    assert np.array_equal(shared.angular_velocity, own.angular_velocity)
+    ours, theirs = shared.contacts(), own.contacts()
+    assert ours.energy.sum() > 0
+    assert np.array_equal(ours.energy, theirs.energy)
+    rows = [simulation._stepper._rows for simulation in (shared, own)]
+    assert len(rows[0].slot) == len(rows[1].slot)
+    assert 2 * len(rows[0].c) < len(rows[1].c)

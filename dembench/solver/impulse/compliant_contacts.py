@@ -24,12 +24,19 @@ SMALL, AT_WALL, LARGE = 0, 1, 2
 
 @dataclass(frozen=True)
 class Segment:
-    """Blocks begin..end, from `other` on those of walls or, in the bridge, of large bodies; see `compliant_types`."""
+    """Blocks begin..end, from `other` on those of walls or, in the bridge, of large bodies; see `compliant_types`.
+
+    Attributes:
+        begin, other, end: See above.
+        own: Whether it is the segment of a thread.
+        constants: The block of c that belongs to `other`.
+    """
 
     begin: int
     other: int
     end: int
     own: bool
+    constants: int
 
 
 def open_rows(segments: list[Segment], rows: Any) -> np.ndarray:
@@ -44,6 +51,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
     """A kernel that measures the contacts of the rows of a segment: the normal with the overlap at present, the energy.
 
     The energy is (2/5) kn d^(5/2) + kt sqrt(d) xi^2/2, in a linear law kn d^2/2 + kt xi^2/2; 0 where the two are apart.
+    block: that of c for each row.
     """
     t = types(o.law.precision)
     real, vec3, vec4 = t.real, t.vec3, t.vec4
@@ -79,6 +87,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
         # inputs
         used: wp.array(dtype=wp.int32),
         kind: wp.array(dtype=wp.int32),
+        block: wp.array(dtype=wp.int32),
         made: real,
         b: Bodies,
         lists: Lists,
@@ -121,7 +130,7 @@ def contact_kernel(o: CompliantOptions) -> Any:
                 if wp.static(friction):
                     s = arm_of(arm, real(overlap)) * spin(b, i)
                     memory = lists.wall_memory[slot]
-            at = r / lanes * wp.static(C) * lanes + r % lanes
+            at = block[q] * wp.static(C) * lanes + r % lanes
             m = vec3(real(n[0]), real(n[1]), real(n[2]))
             xi = vec3()
             if wp.static(friction):
@@ -144,12 +153,14 @@ def touching(o: CompliantOptions, segments: list[Segment], state: State, rows: A
         made: The last substep [scene units].
     """
     used, t = open_rows(segments, rows), types(o.law.precision)
-    kind = np.full(len(used), SMALL)
+    kind, constants = np.full(len(used), SMALL), used // LANES * (not o.shared)
     for s in segments:
-        kind[(used >= s.other * LANES) & (used < s.end * LANES)] = AT_WALL if s.own else LARGE
+        others = (used >= s.other * LANES) & (used < s.end * LANES)
+        kind[others] = AT_WALL if s.own else LARGE
+        constants[others] = s.constants + used[others] // LANES - s.other
     place = wp.zeros(len(used), dtype=t.vec4, device="cpu")
     energy = wp.zeros(len(used), dtype=t.real, device="cpu")
-    inputs = [wp.array(x, dtype=wp.int32, device="cpu") for x in (used, kind)]
+    inputs = [wp.array(x, dtype=wp.int32, device="cpu") for x in (used, kind, constants)]
     inputs += [made, state.bodies, state.lists, rows, state.walls.record]
     wp.launch(contact_kernel(o), dim=1, device="cpu", inputs=inputs, outputs=[place, energy])
     normal, overlap = np.split(place.numpy().astype(float), [3], axis=1)

@@ -35,7 +35,7 @@ const int last = bodies.kin.shape[0] - 1;
 for (int block = first; block < end; ++block) {
     const int *i = rows.i.data + block * W, *j = rows.j.data + block * W, *slot = rows.slot.data + block * W;
     real *a = rows.a.data + block * (A * W), *b = rows.b.data + block * (B * W), *u = (real*)rows.u.data;
-    const real* c = rows.c.data + block * (C * W);
+    const real* c = rows.c.data + (shared ? 0 : block) * (C * W);
     // what does not move stands behind the bodies
     int bi[W], bj[W], kept[W];
     F used;
@@ -145,8 +145,8 @@ def opening_functions(o: CompliantOptions) -> Any:
     """Warp functions `pairs`, `bigs` and `walls` that open the rows of the blocks first..end for a substep.
 
     Each applies the impulses with which its rows begin, and forgets the memory of contacts that are open; the first two
-    return the largest overlap. No two small bodies approach by more than `reach` within the substep. `first_impulse`
-    and `sagitta` are of one contact.
+    return the largest overlap. No two small bodies approach by more than `reach` within the substep; the blocks of c of
+    large bodies and walls begin at `constants`. `first_impulse` and `sagitta` are of one contact.
     """
     precision = o.law.precision
     t = types(precision)
@@ -177,6 +177,7 @@ def opening_functions(o: CompliantOptions) -> Any:
         rescaled=o.law.rescaled,
         periodic=o.periodic,
         radii=o.radii,
+        shared=o.shared,
     )
 
     @wp.func_native(constants + _PAIRS)
@@ -219,6 +220,7 @@ def opening_functions(o: CompliantOptions) -> Any:
     def open_row(
         rows: Rows,
         row: int,
+        constants: int,
         n: vec3,
         overlap: real,
         v: vec3,
@@ -230,9 +232,9 @@ def opening_functions(o: CompliantOptions) -> Any:
         h: real,
         grown: real,
     ):
-        """Writes a row and applies the impulse with which it begins."""
+        """Writes a row, whose constants stand in a block of c, and applies the impulse with which it begins."""
         block, lane = row / lanes, row % lanes
-        a, b, k = block * wp.static(A), block * wp.static(B), block * wp.static(C)
+        a, b, k = block * wp.static(A), block * wp.static(B), constants * wp.static(C)
         c = PairClass()
         c.kn = rows.c[k * lanes + lane]
         c.kt = rows.c[(k + 1) * lanes + lane]
@@ -259,7 +261,7 @@ def opening_functions(o: CompliantOptions) -> Any:
         set_change(rows, j, after(change_of(rows, j), -p, turn, aj))
 
     @wp.func
-    def bigs(b: Bodies, lists: Lists, rows: Rows, first: int, end: int, h: real, grown: real):
+    def bigs(b: Bodies, lists: Lists, rows: Rows, first: int, end: int, constants: int, h: real, grown: real):
         """Rows of the candidates of large bodies."""
         largest = real(0.0)
         for row in range(first * lanes, end * lanes):
@@ -288,7 +290,8 @@ def opening_functions(o: CompliantOptions) -> Any:
             vn = wp.dot(v, n)
             mean = overlap - sagitta(v, vn, h, real(sum))
             if mean + real(0.5) * h * wp.abs(vn) > real(0.0):
-                open_row(rows, row, n, mean, v, wi, wj, arm_of(ri, overlap), arm_of(rj, overlap), memory, h, grown)
+                ai, aj, at = arm_of(ri, overlap), arm_of(rj, overlap), constants + row / lanes - first
+                open_row(rows, row, at, n, mean, v, wi, wj, ai, aj, memory, h, grown)
                 largest = wp.max(largest, overlap)
             else:
                 shut(rows, row)
@@ -304,6 +307,7 @@ def opening_functions(o: CompliantOptions) -> Any:
         rows: Rows,
         first: int,
         end: int,
+        constants: int,
         features: Walls,
         poses: int,
         h: real,
@@ -336,7 +340,8 @@ def opening_functions(o: CompliantOptions) -> Any:
                 s = spin(b, i)
                 w = vec3(s[0], s[1], s[2])
             if mean + real(0.5) * h * (wp.abs(wp.dot(v, n)) + fall) > real(0.0):
-                open_row(rows, row, n, mean, v, w, vec3(), ai, real(0.0), memory, h, grown)
+                at = constants + row / lanes - first
+                open_row(rows, row, at, n, mean, v, w, vec3(), ai, real(0.0), memory, h, grown)
             else:
                 shut(rows, row)
                 if wp.static(friction):

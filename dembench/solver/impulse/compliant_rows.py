@@ -14,7 +14,7 @@ from dembench.solver.walls.records import WallOptions
 
 FAR = 1e30
 """Gap of a row that is not open in a substep [scene units]."""
-A, B, C = 8, 8, 5
+A, B, C = 8, 7, 5
 """Numbers of a row in the arrays a, b and c."""
 FLAGS, TRAVEL = 10, 10
 """Lengths of `state` and `travel` before what each segment of the rows, and each thread, has there."""
@@ -68,7 +68,8 @@ def compliant_types(precision: str) -> Any:
     Of each block there are numbers of its lanes side by side. a: normal from j to i (0-2), overlap in the middle of the
     substep (negative: gap; FAR apart: not open) and lever arm of i (7); velocity of the surface of i past that of j
     (4-6) at its start. b: tangential spring (0-2), lever arm of j, impulse on i (4-6). c: constants of the pair, kn,
-    kt, dn, dt, mu.
+    kt, dn, dt, mu; where all pairs of small bodies have the same ones, they stand there once, in the first block, and
+    c_base says where those of the other rows of a segment begin.
 
     u: change of velocity in the substep (0-2), inverse mass, change of angular velocity (4-6), inverse moment of
     inertia, of bodies and, behind them, of what does not move, once for each thread. mask, stamp: see
@@ -84,6 +85,7 @@ def compliant_types(precision: str) -> Any:
         a: wp.array(dtype=real)
         b: wp.array(dtype=real)
         c: wp.array(dtype=real)
+        c_base: wp.array(dtype=wp.int32)
         u: wp.array(dtype=vec8)
         mask: wp.array(dtype=wp.uint64)
         stamp: wp.array(dtype=wp.int32)
@@ -125,3 +127,22 @@ def compliant_access(precision: str, rotation: bool) -> Any:
         change_of=change_of,
         set_change=set_change,
     )
+
+
+@cache
+def constants_function(o: CompliantOptions) -> Any:
+    """A Warp function (rows, segment, other): the block of c that belongs to the block `other` of a segment.
+
+    That is the first one with rows of walls or of large bodies.
+    """
+    Rows = compliant_types(o.law.precision)
+    shared = o.shared
+
+    @wp.func
+    def constants(rows: Rows, segment: int, other: int):
+        at = int(other)
+        if wp.static(shared):
+            at = rows.c_base[segment] + 0
+        return at
+
+    return constants

@@ -10,7 +10,14 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import FLAGS, PER_SEGMENT, C, CompliantOptions, compliant_types
+from dembench.solver.impulse.compliant_rows import (
+    FLAGS,
+    PER_SEGMENT,
+    C,
+    CompliantOptions,
+    compliant_types,
+    constants_function,
+)
 from dembench.solver.lanes import LANES
 from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types
@@ -85,15 +92,16 @@ _CLEAR = "for (int i = begin; i < end; ++i) { rows.mask.data[i] = 0; rows.stamp.
 def schedule_functions(o: CompliantOptions) -> Any:
     """Warp functions `own` and `bridge` that write bodies, slots and constants of the rows of a segment into blocks.
 
-    Where the room of a segment does not suffice, nothing is written behind it, but its end in `state` says what it
-    would need. `fixed` is the index of what does not move.
+    Where the room of a segment, or that of its constants, does not suffice, nothing is written behind it, but `state`
+    says what it would need. `fixed` is the index of what does not move.
     """
     precision = o.law.precision
     t = types(precision)
     Bodies, PairClass, Lists = t.Bodies, t.PairClass, t.Lists
     Rows = compliant_types(precision)
     of_pair, of_wall = pair_lookup(precision, o.pairs, o.radii)
-    present, bigs, threads = o.walls.present, o.bigs, o.threads
+    constants = constants_function(o)
+    present, bigs, threads, shared = o.walls.present, o.bigs, o.threads, o.shared
     lanes, flags, per_segment = wp.constant(LANES), wp.constant(FLAGS), wp.constant(PER_SEGMENT)
 
     @wp.func_native(_CLEAR)
@@ -111,8 +119,9 @@ def schedule_functions(o: CompliantOptions) -> Any:
     ) -> int: ...
 
     @wp.func
-    def set_constants(rows: Rows, row: int, c: PairClass):
-        at = row / lanes * wp.static(C) * lanes + row % lanes
+    def set_constants(rows: Rows, lane: int, c: PairClass):
+        """Those of a lane of the blocks of c."""
+        at = lane / lanes * wp.static(C) * lanes + lane % lanes
         rows.c[at] = c.kn
         rows.c[at + lanes] = c.kt
         rows.c[at + 2 * lanes] = c.dn
@@ -120,12 +129,23 @@ def schedule_functions(o: CompliantOptions) -> Any:
         rows.c[at + 4 * lanes] = c.mu
 
     @wp.func
-    def constants_of_pairs(b: Bodies, rows: Rows, first: int, end: int, table: wp.array(dtype=PairClass), columns: int):
+    def constants_of_pairs(
+        b: Bodies, rows: Rows, first: int, end: int, at: int, table: wp.array(dtype=PairClass), columns: int
+    ):
+        """Those of the blocks first..end, whose blocks in c begin at `at`."""
         for row in range(first * lanes, end * lanes):
             c = PairClass()
             if rows.slot[row] >= 0:
                 c = of_pair(b, rows.i[row], rows.j[row], table, columns)
-            set_constants(rows, row, c)
+            set_constants(rows, row + (at - first) * lanes, c)
+
+    @wp.func
+    def with_constants(rows: Rows, segment: int, other: int, end: int):
+        """The end of the blocks from `other` on for whose constants there is room."""
+        last = int(end)
+        if wp.static(shared):
+            last = wp.min(end, other + rows.c_base[segment + 1] - rows.c_base[segment])
+        return last
 
     @wp.func
     def own(
@@ -153,20 +173,26 @@ def schedule_functions(o: CompliantOptions) -> Any:
         first, room = row_base[part] + 0, row_base[part + 1] + 0
         forget(rows, ranges[part], ranges[part + 1])
         other = put_pairs(rows, lists, base[2 * part], near_count[2 * part], first, room - first, fixed)
-        constants_of_pairs(b, rows, first, wp.min(other, room), pair_table, pair_columns)
+        if wp.static(shared):
+            if part == 0:
+                for lane in range(lanes):
+                    set_constants(rows, lane, of_pair(b, 0, 0, pair_table, pair_columns))
+        else:
+            constants_of_pairs(b, rows, first, wp.min(other, room), first, pair_table, pair_columns)
         end = other + 0
         if wp.static(present):
             forget(rows, ranges[part], ranges[part + 1])
             if part == 0:
                 forget(rows, n, total)
             end = put_walls(rows, lists, part * wall_capacity, wall_count[part], other, room - other, fixed)
-            for row in range(other * lanes, wp.min(end, room) * lanes):
+            shift = (constants(rows, part, other) - other) * lanes
+            for row in range(other * lanes, with_constants(rows, part, other, wp.min(end, room)) * lanes):
                 c = PairClass()
                 q = rows.slot[row] + 0
                 if q >= 0:
                     kind = walls.features[lists.wall_f[q]].kind
                     c = of_wall(b, rows.i[row], kind, wall_table, wall_columns)
-                set_constants(rows, row, c)
+                set_constants(rows, row + shift, c)
         state[flags + per_segment * part] = other
         state[flags + per_segment * part + 1] = end
 
@@ -194,11 +220,14 @@ def schedule_functions(o: CompliantOptions) -> Any:
                 forget(rows, 0, total)
                 across = 2 * p + 1
                 other = put_pairs(rows, lists, base[across], near_count[across], other, room - other, fixed)
+        if wp.static(not shared):
+            constants_of_pairs(b, rows, first, wp.min(other, room), first, pair_table, pair_columns)
         end = other + 0
         if wp.static(bigs):
             forget(rows, 0, total)
             end = put_bigs(rows, lists, near_count[2 * parts], n, total, other, room - other, fixed)
-        constants_of_pairs(b, rows, first, wp.min(end, room), pair_table, pair_columns)
+            last, at = with_constants(rows, parts, other, wp.min(end, room)), constants(rows, parts, other)
+            constants_of_pairs(b, rows, other, last, at, pair_table, pair_columns)
         state[flags + per_segment * parts] = other
         state[flags + per_segment * parts + 1] = end
 

@@ -19,6 +19,7 @@ from dembench.solver.impulse.compliant_rows import (
     TRAVEL,
     CompliantOptions,
     compliant_types,
+    constants_function,
 )
 from dembench.solver.impulse.compliant_schedule import schedule_functions
 from dembench.solver.impulse.compliant_substeps import stiffness_functions
@@ -72,7 +73,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
     hand_over = hand_over_function(o.law.precision, o.walls, o.radii)
     clear_loads, loads = wall_load_functions(o.walls).clear, o.walls.loads
-    bigs, friction, threads = o.bigs, o.law.friction, o.threads
+    bigs, friction, threads, shared = o.bigs, o.law.friction, o.threads, o.shared
+    constants = constants_function(o)
     segments, slots = wp.constant(FLAGS), wp.constant(TRAVEL)
 
     @wp.func
@@ -317,9 +319,14 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                 if wp.static(threads):
                     barrier(state, parts)
                 for p in range(parts + 1):
-                    if state[segments + 2 * p + 1] > row_base[p + 1]:
+                    used = state[segments + 2 * p + 1] + 0
+                    if used > row_base[p + 1]:
                         reason = int(ROW_OVERFLOW)
                         going = 0
+                    if wp.static(shared):
+                        if used - state[segments + 2 * p] > rows.c_base[p + 1] - rows.c_base[p]:
+                            reason = int(ROW_OVERFLOW)
+                            going = 0
             if going == 1:
                 now = dt * (first + wp.float64(done + 1)) - wp.float64(left) * h
                 half = wp.float64(0.5) * h
@@ -335,7 +342,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                 if wp.static(present):
                     if wp.static(meshes and friction):
                         hand_over(b, lists, walls, poses, at_walls, wall_count[part], wp.float64(0.0))
-                    open_walls(b, lists, rows, other, own_end, walls, poses, step, grown, real(h * weight))
+                    of_walls = constants(rows, part, other)
+                    open_walls(b, lists, rows, other, own_end, of_walls, walls, poses, step, grown, real(h * weight))
                 bridge_other = state[segments + 2 * parts] + 0
                 bridge_end = state[segments + 2 * parts + 1] + 0
                 if wp.static(threads):
@@ -345,7 +353,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                         overlap = open_pairs(b, lists, rows, bridge, bridge_other, step, grown, two * reach)
                         deepest = wp.max(deepest, overlap)
                     if wp.static(bigs):
-                        overlap = open_bigs(b, lists, rows, bridge_other, bridge_end, step, grown)
+                        of_bigs = constants(rows, parts, bridge_other)
+                        overlap = open_bigs(b, lists, rows, bridge_other, bridge_end, of_bigs, step, grown)
                         deepest = wp.max(deepest, overlap)
                 solve(
                     rows,

@@ -34,6 +34,8 @@ SKIN, SKIN_SUBSTEPS, SKIN_LIMIT = 0.2, 24, 0.5
 body, but not more than SKIN_LIMIT diameters for it: long lists cost more memory than rebuilds time."""
 NEAR_SKIN = 0.03
 """Gap up to which listed pairs are tested in every substep: at least this, in smallest diameters."""
+ROOM, MORE = 1.1, 8
+"""Blocks of rows that there is room for where there was not enough: this part of what was needed, and so many more."""
 BIG_SKIN = 0.5
 """Gap up to which bodies are candidates of a large body: at least this, in smallest diameters."""
 
@@ -66,7 +68,8 @@ class CompliantImpulses:
         self._flags = wp.zeros(FLAGS + PER_SEGMENT * (state.parts + 1), dtype=wp.int32, device="cpu")
         self._travel = wp.zeros(TRAVEL + PER_THREAD * state.parts, dtype=wp.float64, device="cpu")
         self._steps = 0
-        self._allocate(np.full(state.parts + 1, 8))
+        self._room = self._others = np.full(state.parts + 1, MORE)
+        self._allocate()
 
     def prepare(self, first: int = 0) -> None:
         """Builds the lists of the state after `first` steps; springs grow again from the next substep on."""
@@ -105,11 +108,12 @@ class CompliantImpulses:
             self._rebuild((first + done) * self.dt + into)
         elif reason == BIG_OVERFLOW:
             s.grow_big()
-            self._allocate(np.diff(self._row_base.numpy()))
             travel[2] = -1.0
         elif reason == ROW_OVERFLOW:
-            needed = flags[FLAGS + 1 :: PER_SEGMENT] - self._row_base.numpy()[:-1]
-            self._allocate((1.2 * needed).astype(int) + 8)
+            other, end = flags[FLAGS:].reshape(-1, PER_SEGMENT).T
+            self._room = (ROOM * (end - self._row_base.numpy()[:-1])).astype(int) + MORE
+            self._others = (ROOM * (end - other)).astype(int) + MORE
+            self._allocate()
         return done
 
     def largest_overlap(self) -> float:
@@ -134,7 +138,11 @@ class CompliantImpulses:
     def _segments(self) -> list[Segment]:
         """Where the rows of the last substep stand."""
         begin, marks = self._row_base.numpy(), self._flags.numpy()[FLAGS:].reshape(-1, PER_SEGMENT)
-        return [Segment(int(begin[k]), int(m[0]), int(m[1]), k < self.state.parts) for k, m in enumerate(marks)]
+        constants = self._rows.c_base.numpy() if self._options.shared else marks[:, 0]
+        return [
+            Segment(int(begin[k]), int(m[0]), int(m[1]), k < self.state.parts, int(constants[k]))
+            for k, m in enumerate(marks)
+        ]
 
     def _rebuild(self, time: float) -> None:
         """Lists with room for the next substeps at the present speeds, at a time [scene units]."""
@@ -142,30 +150,31 @@ class CompliantImpulses:
         reach = float(travel[9])
         s.skin = max(SKIN * s.diameter, min(SKIN_SUBSTEPS * reach, SKIN_LIMIT * s.diameter), 4 * reach)
         s.place_walls(time)
+        # rows refer to an order that is about to go, and a rebuild takes their memory
+        for name in self._rows._cls.vars:
+            setattr(self._rows, name, None)
         s.rebuild()
         travel[:3] = 0.0, -1.0, -1.0
-        if len(self._rows.u) < s.total + s.parts:
-            self._allocate(np.diff(self._row_base.numpy()))
-        self._forget_rows()
+        self._allocate()
 
-    def _forget_rows(self) -> None:
-        """There are no rows: those of the last substep refer to an order that is gone."""
-        self._flags.numpy()[FLAGS:] = np.repeat(self._row_base.numpy()[:-1], PER_SEGMENT)
-
-    def _allocate(self, room: np.ndarray) -> None:
-        """Room for the blocks of rows of every segment, shape (parts + 1,)."""
+    def _allocate(self) -> None:
+        """Room for the blocks of rows of every segment; there are none yet."""
         s, rows, real = self.state, self._rows, self.state.types.real
-        self._row_base = wp.array(np.append(0, np.cumsum(room)), dtype=wp.int32, device="cpu")
-        lanes = int(room.sum()) * LANES
-        for name in ("i", "j", "slot"):
-            setattr(rows, name, wp.zeros(lanes, dtype=wp.int32, device="cpu"))
-        for name, numbers in (("a", A), ("b", B), ("c", C)):
-            setattr(rows, name, wp.zeros(lanes * numbers, dtype=real, device="cpu"))
-        fixed = s.total + s.parts
-        rows.u = wp.zeros(fixed, dtype=s.types.vec8, device="cpu")
-        rows.mask = wp.zeros(fixed, dtype=wp.uint64, device="cpu")
-        rows.stamp = wp.zeros(fixed, dtype=wp.int32, device="cpu")
-        self._forget_rows()
+        self._row_base = wp.array(np.append(0, np.cumsum(self._room)), dtype=wp.int32, device="cpu")
+        blocks = constants = int(self._room.sum())
+        rows.c_base = wp.zeros_like(self._row_base)
+        if self._options.shared:
+            rows.c_base.assign(np.append(1, 1 + np.cumsum(self._others)))
+            constants = 1 + int(self._others.sum())
+        fixed, lanes = s.total + s.parts, blocks * LANES
+        rows.i, rows.j, rows.slot, rows.a, rows.b, rows.c, rows.u, rows.mask, rows.stamp = s.workspace.arrays(
+            *((lanes, wp.int32) for _ in range(3)),
+            *((n, real) for n in (A * lanes, B * lanes, C * constants * LANES)),
+            (fixed, s.types.vec8),
+            (fixed, wp.uint64),
+            (fixed, wp.int32),
+        )
+        self._flags.numpy()[FLAGS:] = np.repeat(self._row_base.numpy()[:-1], PER_SEGMENT)
 
 
 def compliant_options(scene: Scene, state: BodyArrays, precision: str) -> CompliantOptions:

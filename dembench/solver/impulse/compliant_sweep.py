@@ -20,7 +20,16 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import BRIDGE, OWN, A, B, C, CompliantOptions, compliant_types
+from dembench.solver.impulse.compliant_rows import (
+    BRIDGE,
+    OWN,
+    A,
+    B,
+    C,
+    CompliantOptions,
+    compliant_types,
+    constants_function,
+)
 from dembench.solver.lanes import prelude
 from dembench.solver.sync import barrier
 from dembench.solver.types import types
@@ -76,7 +85,7 @@ for (int q = first; q < end; ++q) {
         __builtin_prefetch(&rows.u.data[rows.i.data[next * W + k]], 1);
         __builtin_prefetch(&rows.u.data[rows.j.data[next * W + k]], 1);
     }
-    const real *a = rows.a.data + block * (A * W), *c = rows.c.data + block * (C * W);
+    const real *a = rows.a.data + block * (A * W), *c = rows.c.data + (block_of_c + stride * (block - first)) * (C * W);
     real *b = rows.b.data + block * (B * W), *u = (real*)rows.u.data;
 
     F ui[8], uj[8];
@@ -167,8 +176,8 @@ def solve_function(o: CompliantOptions) -> Any:
     t = types(o.law.precision)
     real, Lists = t.real, t.Lists
     Rows = compliant_types(o.law.precision)
-    threads = o.threads
-    constants = prelude(
+    threads, shared, constants = o.threads, o.shared, constants_function(o)
+    declared = prelude(
         o.law.precision,
         A=A,
         B=B,
@@ -180,8 +189,26 @@ def solve_function(o: CompliantOptions) -> Any:
         no_tension=o.law.no_tension,
     )
 
-    @wp.func_native(constants + _SWEEP)
-    def sweep(rows: Rows, memory: wp.array(dtype=t.vec4), first: int, end: int, h: real, reverse: int, last: int): ...
+    # block_of_c belongs to the block `first`; stride: from one to the next
+    @wp.func_native(declared + _SWEEP)
+    def sweep(
+        rows: Rows,
+        memory: wp.array(dtype=t.vec4),
+        first: int,
+        end: int,
+        block_of_c: int,
+        stride: int,
+        h: real,
+        reverse: int,
+        last: int,
+    ): ...
+
+    @wp.func
+    def sweep_pairs(rows: Rows, lists: Lists, first: int, end: int, h: real, reverse: int, last: int):
+        if wp.static(shared):
+            sweep(rows, lists.memory, first, end, 0, 0, h, reverse, last)
+        else:
+            sweep(rows, lists.memory, first, end, first, 1, h, reverse, last)
 
     @wp.func
     def solve(
@@ -216,15 +243,17 @@ def solve_function(o: CompliantOptions) -> Any:
                 if kind == OWN:
                     for half_way in range(2):
                         if half_way == reverse:
-                            sweep(rows, lists.memory, own, other, h, reverse, last)
+                            sweep_pairs(rows, lists, own, other, h, reverse, last)
                         else:
-                            sweep(rows, lists.wall_memory, other, own_end, h, reverse, last)
+                            of_walls = constants(rows, part, other)
+                            sweep(rows, lists.wall_memory, other, own_end, of_walls, 1, h, reverse, last)
                 elif part == 0:
                     for half_way in range(2):
                         if half_way == reverse:
-                            sweep(rows, lists.memory, bridge, bridge_other, h, reverse, last)
+                            sweep_pairs(rows, lists, bridge, bridge_other, h, reverse, last)
                         else:
-                            sweep(rows, lists.big_memory, bridge_other, bridge_end, h, reverse, last)
+                            of_bigs = constants(rows, parts, bridge_other)
+                            sweep(rows, lists.big_memory, bridge_other, bridge_end, of_bigs, 1, h, reverse, last)
         if wp.static(threads):
             if visited == BRIDGE:
                 barrier(state, parts)

@@ -1,0 +1,36 @@
+"""Memory that is handed on: the rows of a substep and what a rebuild of the lists needs are never there together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import warp as wp
+
+ALIGNED = 64
+"""Arrays begin at multiples of this, a cache line [B]."""
+
+
+class Workspace:
+    """Memory on the host for arrays that live until the next ones are asked for; it grows and never shrinks.
+
+    To ask again costs nothing, where new arrays would have to be mapped page by page at every rebuild.
+    """
+
+    def __init__(self) -> None:
+        # in a list, as it is no state that a file would have to keep
+        self._held: list[wp.array] = []
+
+    def arrays(self, *wanted: tuple[int, Any]) -> list[wp.array]:
+        """Arrays of given lengths and types with any content; those that were asked for before are gone."""
+        sizes = [n * wp.types.type_size_in_bytes(dtype) for n, dtype in wanted]
+        begins = [0]
+        for size in sizes:
+            begins.append(begins[-1] + -(-size // ALIGNED) * ALIGNED)
+        if not self._held or len(self._held[0]) < begins[-1] + ALIGNED:
+            self._held.clear()
+            self._held.append(wp.zeros(begins[-1] + ALIGNED, dtype=wp.uint8, device="cpu"))
+        base = -(-self._held[0].ptr // ALIGNED) * ALIGNED
+        return [
+            wp.array(ptr=base + begin, dtype=dtype, shape=n, device="cpu")
+            for (n, dtype), begin in zip(wanted, begins, strict=False)
+        ]
