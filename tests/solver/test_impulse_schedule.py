@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
+import warp as wp
 from grains import RADIUS, gas, grains
 
 from dembench.scene import Box, Scene
 from dembench.solver import Simulation
 from dembench.solver.impulse.compliant_stepper import CompliantImpulses
 from dembench.solver.lanes import LANES
+from dembench.solver.workspace import Workspace
 
 
 def bed(n: int = 1728) -> Scene:
@@ -80,3 +84,24 @@ def test_constants_that_all_pairs_share_stand_once() -> None:
     rows = [simulation._stepper._rows for simulation in (shared, own)]
     assert len(rows[0].slot) == len(rows[1].slot)
     assert 2 * len(rows[0].c) < len(rows[1].c)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_the_memory_of_rows_held_before_changes_nothing(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not a number in all of it, at every rebuild: lanes without an open row stay so."""
+    ends = []
+    arrays = Workspace.arrays
+
+    def spoilt(self: Workspace, *wanted: tuple[int, Any]) -> list[wp.array]:
+        arrays(self, *wanted)
+        self._held[0].fill_(255)
+        return arrays(self, *wanted)
+
+    for kind in (arrays, spoilt):
+        monkeypatch.setattr(Workspace, "arrays", kind)
+        simulation = Simulation(bed(), 2e-5, method="impulse", rows="compliant", threads=threads)
+        simulation.step(60)
+        assert simulation.counters()["list rebuilds"] > 2
+        ends.append((simulation.position, simulation.velocity, simulation.angular_velocity))
+    for one, other in zip(*ends, strict=True):
+        assert np.array_equal(one, other)

@@ -210,11 +210,13 @@ def opening_functions(o: CompliantOptions) -> Any:
 
     @wp.func
     def shut(rows: Rows, row: int):
-        """A row that is not open: no sweep changes anything."""
+        """A row that is not open: no sweep changes anything, for all that it is multiplied with is zero."""
         block, lane = row / lanes, row % lanes
-        rows.a[(block * wp.static(A) + 3) * lanes + lane] = real(-wp.static(FAR))
-        for f in range(4, 7):
+        for f in range(wp.static(A)):
+            rows.a[(block * wp.static(A) + f) * lanes + lane] = real(0.0)
+        for f in range(wp.static(B)):
             rows.b[(block * wp.static(B) + f) * lanes + lane] = real(0.0)
+        rows.a[(block * wp.static(A) + 3) * lanes + lane] = real(-wp.static(FAR))
 
     @wp.func
     def open_row(
