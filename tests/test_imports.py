@@ -103,7 +103,7 @@ def test_it_joins_the_group_of_a_run_of_the_same_problem(tmp_path, quick):
     silo.bed = None  # a second bed is not made
     second = import_file("case1", tmp_path / "result.npz", "mfix", quick)
     assert second.spec.case == "case1[orifice=large]" and second.spec.scene_digest == first.spec.scene_digest
-    from dembench.reports.entries import gather
+    from dembench.reports.groups import gather
 
     (group,) = gather(find_runs(quick.out))
     assert [member.label for member in group.members] == ["granoo (imported)", "mfix (imported)"]

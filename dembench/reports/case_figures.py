@@ -9,7 +9,7 @@ import numpy as np
 from dembench.cases.base import Curve
 from dembench.cases.views import CaseFigure, Trace, View
 from dembench.reports.curves import bundles, label_of, merged
-from dembench.reports.entries import Group, Member
+from dembench.reports.groups import Group, Member
 from dembench.reports.plot import Known, Line, Panel, Plot
 
 

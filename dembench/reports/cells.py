@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dembench.reports.entries import Ensemble, Entry, Group, Member
+from dembench.reports.entries import Entry
+from dembench.reports.groups import Ensemble, Group, Member
 from dembench.reports.svg import variable
 from dembench.reports.tables import Cell, Table
 

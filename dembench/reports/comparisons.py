@@ -10,7 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from dembench.reports.cells import run_cell, state_cell
-from dembench.reports.entries import Ensemble, Entry, Group, Member, common_times
+from dembench.reports.entries import Entry, common_times
+from dembench.reports.groups import Ensemble, Group, Member
 from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers, significant
 from dembench.reports.timings import RATIO, loop_cells, marks_explained, ratios
 from dembench.reports.units import measure, shown_in

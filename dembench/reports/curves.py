@@ -8,7 +8,8 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from dembench.reports.comparisons import comparable
-from dembench.reports.entries import Group, Member, common_times
+from dembench.reports.entries import common_times
+from dembench.reports.groups import Group, Member
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.svg import MUTED
 from dembench.reports.units import labelled, measure, shown_in

@@ -9,7 +9,7 @@ import numpy as np
 from dembench.cases.base import Reference
 from dembench.reports.cells import run_cell, state_cell
 from dembench.reports.comparisons import leading_quantities, span
-from dembench.reports.entries import Ensemble, Group
+from dembench.reports.groups import Ensemble, Group
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.tables import Cell, Column, Table, decimals, grouped, numbers
 from dembench.reports.units import labelled, shown_in

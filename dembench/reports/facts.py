@@ -12,7 +12,8 @@ import numpy as np
 from dembench.cases.registry import problem_title
 from dembench.reports.cells import directory_cell, run_cell, state_cell
 from dembench.reports.comparisons import verdict_text
-from dembench.reports.entries import RANKED, Entry, Group, Member
+from dembench.reports.entries import RANKED, Entry
+from dembench.reports.groups import Group, Member
 from dembench.reports.tables import Cell, Column, Table, grouped, numbers, significant
 from dembench.reports.units import measure
 from dembench.runs.states import Resumption

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from dembench.reports.cells import directory_cell, run_cell
-from dembench.reports.entries import Group
+from dembench.reports.groups import Group
 from dembench.reports.tables import Cell, Column, Table, numbers
 
 

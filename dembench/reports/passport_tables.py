@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dembench.reports.entries import Group
+from dembench.reports.groups import Group
 from dembench.reports.looks import look
 from dembench.reports.svg import variable
 from dembench.reports.tables import Cell, Column, Table, significant

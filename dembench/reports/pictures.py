@@ -12,7 +12,8 @@ import matplotlib
 import numpy as np
 
 from dembench.cases.views import Picture
-from dembench.reports.entries import Entry, Group, Member
+from dembench.reports.entries import Entry
+from dembench.reports.groups import Group, Member
 from dembench.reports.spheres import Camera, png, render
 from dembench.reports.svg import INK, MUTED
 from dembench.reports.tables import significant

@@ -8,7 +8,7 @@ from statistics import median
 
 from dembench.cases.published_results import PublishedResult
 from dembench.cases.run_times import RunTime
-from dembench.reports.entries import Group
+from dembench.reports.groups import Group
 from dembench.reports.tables import Cell, Column, Table, decimals, grouped
 from dembench.reports.units import labelled, shown_in
 

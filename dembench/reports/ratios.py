@@ -8,7 +8,8 @@ from typing import Any
 
 from dembench.cases.base import Ratio
 from dembench.reports.cells import run_cell
-from dembench.reports.entries import RANKED, Entry, Group, Member
+from dembench.reports.entries import RANKED, Entry
+from dembench.reports.groups import Group, Member
 from dembench.reports.tables import Cell, Column, Table, numbers, significant
 
 

@@ -13,8 +13,8 @@ from dembench.reports.case_figures import case_plots, replaced
 from dembench.reports.cells import tagged
 from dembench.reports.curves import plots
 from dembench.reports.ensembles import ensembles, seed_plot, single_runs
-from dembench.reports.entries import Group, gather
 from dembench.reports.figures import Drawing, draw
+from dembench.reports.groups import Group, gather
 from dembench.reports.imported import imported_runs
 from dembench.reports.pages import write_page
 from dembench.reports.passport_tables import measured_law

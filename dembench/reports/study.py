@@ -12,8 +12,8 @@ from dembench.recipes import Page, Recipe
 from dembench.reports import facts, sensitivity
 from dembench.reports.cells import STATE_NAMES, run_cell, state_cell, tagged
 from dembench.reports.ensembles import ensembles
-from dembench.reports.entries import Group
 from dembench.reports.figures import Drawing, draw
+from dembench.reports.groups import Group
 from dembench.reports.pages import write_page
 from dembench.reports.pictures import Album, albums
 from dembench.reports.published import published_times

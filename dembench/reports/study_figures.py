@@ -13,7 +13,7 @@ from dembench.reports.case_figures import case_plots
 from dembench.reports.curves import merged
 from dembench.reports.curves import plots as series_plots
 from dembench.reports.ensembles import seed_plot
-from dembench.reports.entries import Group
+from dembench.reports.groups import Group
 from dembench.reports.plot import Known, Line, Panel, Plot
 from dembench.reports.units import labelled, shown_in
 from dembench.reports.variants import Problem, Variant

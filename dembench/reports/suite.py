@@ -9,8 +9,8 @@ from pathlib import Path
 
 from dembench.reports import closed_forms_figures, facts, passport_figures, passport_tables, sanity_figures
 from dembench.reports.cells import state_cell
-from dembench.reports.entries import gather
 from dembench.reports.figures import draw
+from dembench.reports.groups import gather
 from dembench.reports.looks import look
 from dembench.reports.pages import write_page
 from dembench.reports.plot import Plot

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from dembench.reports.cells import run_cell, state_cell
-from dembench.reports.entries import RANKED, Ensemble, Entry, Group, Member
+from dembench.reports.entries import RANKED, Entry
+from dembench.reports.groups import Ensemble, Group, Member
 from dembench.reports.tables import Cell, Column, Table, numbers, significant
 from dembench.reports.units import shown_in
 

@@ -12,7 +12,7 @@ from dembench.campaign import is_file
 from dembench.cases.base import Quantity, Reference
 from dembench.recipes import Block, CaseChoice, Value
 from dembench.reports import facts
-from dembench.reports.entries import Group, Member, gather
+from dembench.reports.groups import Group, Member, gather
 from dembench.reports.units import measure
 from dembench.runs.directory import RunRecord
 

@@ -12,7 +12,7 @@ import pytest
 from reading import Page
 from synthetic import COMMAND, HOSTILE, add_run, impact, series
 
-from dembench.reports.entries import gather
+from dembench.reports.groups import gather
 from dembench.reports.report import render
 from dembench.reports.timings import ratios
 from dembench.results import Observed

@@ -8,7 +8,7 @@ from synthetic import add_run
 
 from dembench.cases import silo
 from dembench.cases.registry import parse_case
-from dembench.reports.entries import gather
+from dembench.reports.groups import gather
 from dembench.reports.ratios import ratios
 from dembench.reports.report import render
 from dembench.results import Observed, channels

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.rows import PASSING, ImpulseOptions, limit_types, row_types
+from dembench.solver.impulse.rows import PASSING, ImpulseOptions, limit_types, row_access, row_types
 from dembench.solver.impulse.sweeps import row_arithmetic
 from dembench.solver.types import types, vec8d
 
@@ -32,6 +32,9 @@ def collide_functions(o: ImpulseOptions) -> Any:
     real, vec3, vec8, Bodies = t.real, t.vec3, t.vec8, t.Bodies
     Rows, Limits = row_types(o.precision), limit_types(o.precision)
     arithmetic = row_arithmetic(o)
+    access = row_access(o.precision)
+    first, second, state, collided = access.first, access.second, access.state, access.collided
+    constants, impulses = access.constants, access.impulses
     loads = o.walls.loads
     velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
 
@@ -58,9 +61,9 @@ def collide_functions(o: ImpulseOptions) -> Any:
     @wp.func
     def close(b: Bodies, total: int, rows: Rows, count: int, dt: real):
         for r in range(count):
-            i, j = rows.i[r], rows.j[r]
-            if wp.max(rows.hit[i], rows.hit[j]) > 0:
-                a = rows.a[r]
+            i, j = first(rows, r), second(rows, r)
+            if wp.max(collided(rows, i), collided(rows, j)) > 0:
+                a = constants(rows, r)
                 target = a[3] + nearer(b, total, rows, i, j, vec3(a[0], a[1], a[2])) / dt
                 rows.a[r] = vec8(a[0], a[1], a[2], target, a[4], a[5], a[6], a[7])
 
@@ -72,11 +75,11 @@ def collide_functions(o: ImpulseOptions) -> Any:
             r = q
             if sweep % 2 == 1:
                 r = count - 1 - q
-            i, j = rows.i[r], rows.j[r]
-            if wp.max(rows.hit[i], rows.hit[j]) < sweep:
+            i, j = first(rows, r), second(rows, r)
+            if wp.max(collided(rows, i), collided(rows, j)) < sweep:
                 continue
-            a, c = rows.a[r], rows.b[r]
-            ui, uj = rows.u[i], rows.u[j]
+            a, c = constants(rows, r), impulses(rows, r)
+            ui, uj = state(rows, i), state(rows, j)
             n = vec3(a[0], a[1], a[2])
             v = velocity(ui, uj, n, a[7], c[0])
             vn = wp.dot(v, n)

@@ -73,7 +73,7 @@ def compliant_types(precision: str) -> Any:
 
     u: change of velocity in the substep (0-2), inverse mass, change of angular velocity (4-6), inverse moment of
     inertia, of bodies and, behind them, of what does not move, once for each thread. mask, stamp: see
-    `compliant_schedule`.
+    `blocks`.
     """
     t = types(precision)
     real, vec8 = t.real, t.vec8

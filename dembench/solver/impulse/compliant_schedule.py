@@ -1,7 +1,6 @@
-"""Blocks of rows that share no body: the lanes of a block are opened and solved at the same time.
+"""The schedule of compliant rows: in which block and lane each of them stands, and its constants there.
 
-Each contact goes into the first of the next WINDOW blocks that is not full and has neither of its bodies. The window
-moves on when its first block is full, or where all of its blocks are full or have one of the bodies.
+No body is twice in a block, see `blocks`.
 """
 
 from functools import cache
@@ -10,6 +9,7 @@ from typing import Any
 
 import warp as wp
 
+from dembench.solver.impulse.blocks import FORGET, PUT
 from dembench.solver.impulse.compliant_rows import (
     FLAGS,
     PER_SEGMENT,
@@ -23,69 +23,42 @@ from dembench.solver.pairs import pair_lookup
 from dembench.solver.types import types
 from dembench.solver.walls.records import Walls
 
-WINDOW = 64
-
-# Of a body, `mask` has the blocks of the window that began at `stamp` in which it is.
-_BEGIN = f"""
-constexpr int W = {LANES}, window = {WINDOW};
-unsigned long long full = 0;
-int base = 0, used = 0, filled[window] = {{0}};
-auto blocks_of = [&](int i) -> unsigned long long {{
-    int gone = base - rows.stamp.data[i];
-    return gone < window ? rows.mask.data[i] >> gone : 0;
-}};
-auto move_on = [&](int blocks) {{
-    for (int k = 0; k < window; ++k) filled[k] = k + blocks < window ? filled[k + blocks] : 0;
-    full = blocks < window ? full >> blocks : 0;
-    base += blocks;
-}};
-auto put = [&](int i, int j, int slot, bool still) {{
-    while (true) {{
-        unsigned long long taken = full | blocks_of(i) | (still ? 0 : blocks_of(j));
-        if (taken + 1 == 0) {{ move_on(1); continue; }}
-        int k = __builtin_ctzll(taken ^ ~0ull);
-        int lane = (first + base + k) * W + filled[k];
-        if (base + k < room) {{
-            if (filled[k] == 0)
-                for (int q = lane; q < lane + W; ++q) {{
-                    rows.i.data[q] = rows.j.data[q] = fixed;
-                    rows.slot.data[q] = -1;
-                }}
-            rows.i.data[lane] = i; rows.j.data[lane] = j; rows.slot.data[lane] = slot;
-        }}
-        rows.mask.data[i] = blocks_of(i) | 1ull << k;
-        rows.stamp.data[i] = base;
-        if (!still) {{
-            rows.mask.data[j] = blocks_of(j) | 1ull << k;
-            rows.stamp.data[j] = base;
-        }}
-        if (base + k + 1 > used) used = base + k + 1;
-        if (++filled[k] == W) full |= 1ull << k;
-        int whole = full + 1 == 0 ? window : __builtin_ctzll(~full);
-        if (whole) move_on(whole);
-        return;
-    }}
-}};
+_PUT = (
+    PUT
+    + """
+auto row = [&](int i, int j, int slot) {
+    return [=](int block, int lane) {
+        if (block >= room) return;
+        int at = (first + block) * W + lane;
+        if (lane == 0)
+            for (int q = at; q < at + W; ++q) {
+                rows.i.data[q] = rows.j.data[q] = fixed;
+                rows.slot.data[q] = -1;
+            }
+        rows.i.data[at] = i; rows.j.data[at] = j; rows.slot.data[at] = slot;
+    };
+};
 """
+)
 _PAIRS = """
 for (int q = region; q < region + count; ++q) {
     int k = lists.near.data[q];
-    put(lists.i.data[k], lists.j.data[k], k, false);
+    put(lists.i.data[k], lists.j.data[k], false, row(lists.i.data[k], lists.j.data[k], k));
 }
 return first + used;
 """
 _WALLS = """
-for (int q = region; q < region + count; ++q) put(lists.wall_i.data[q], fixed, q, true);
+for (int q = region; q < region + count; ++q)
+    put(lists.wall_i.data[q], fixed, true, row(lists.wall_i.data[q], fixed, q));
 return first + used;
 """
 _BIGS = """
 for (int q = 0; q < count; ++q) {
     int i = lists.big_i.data[q], j = lists.big_j.data[q];
-    put(i, j, (j - small) * total + i, false);
+    put(i, j, false, row(i, j, (j - small) * total + i));
 }
 return first + used;
 """
-_CLEAR = "for (int i = begin; i < end; ++i) { rows.mask.data[i] = 0; rows.stamp.data[i] = 0; }"
 
 
 @cache
@@ -104,16 +77,16 @@ def schedule_functions(o: CompliantOptions) -> Any:
     present, bigs, threads, shared = o.walls.present, o.bigs, o.threads, o.shared
     lanes, flags, per_segment = wp.constant(LANES), wp.constant(FLAGS), wp.constant(PER_SEGMENT)
 
-    @wp.func_native(_CLEAR)
+    @wp.func_native(FORGET)
     def forget(rows: Rows, begin: int, end: int): ...
 
-    @wp.func_native(_BEGIN + _PAIRS)
+    @wp.func_native(_PUT + _PAIRS)
     def put_pairs(rows: Rows, lists: Lists, region: int, count: int, first: int, room: int, fixed: int) -> int: ...
 
-    @wp.func_native(_BEGIN + _WALLS)
+    @wp.func_native(_PUT + _WALLS)
     def put_walls(rows: Rows, lists: Lists, region: int, count: int, first: int, room: int, fixed: int) -> int: ...
 
-    @wp.func_native(_BEGIN + _BIGS)
+    @wp.func_native(_PUT + _BIGS)
     def put_bigs(
         rows: Rows, lists: Lists, count: int, small: int, total: int, first: int, room: int, fixed: int
     ) -> int: ...

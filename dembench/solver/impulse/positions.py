@@ -1,13 +1,16 @@
 """The position pass: overlaps that are left after the drift are pushed apart, without momentum.
 
-The load that it carries, mass times shift over dt, counts in the Coulomb bound of the next step.
+The load that it carries, mass times shift over dt, counts in the Coulomb bound of the next step. Bodies stay where the
+drift left them until the pass ends; what it moves them is small and kept apart, in the precision of the impulses.
 """
 
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
 
+from dembench.solver.impulse.row_lanes import lane_functions
 from dembench.solver.impulse.rows import ImpulseOptions, direction_function, row_types
 from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
@@ -15,73 +18,110 @@ from dembench.solver.types import types, vec8d
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
 
+CLOSE = 1e-6
+"""Distance of two bodies with the same centre, over the sum of their radii."""
+
 
 @cache
-def position_sweep(o: ImpulseOptions) -> Any:
-    """A Warp function (bodies, lists, rows, ..., reverse) that visits every row and returns the largest overlap."""
+def position_functions(o: ImpulseOptions) -> Any:
+    """Warp functions (begin, sweep, end).
+
+    begin(bodies, rows, pairs, total) takes differences of positions; `pairs` is the number of rows of small pairs.
+    sweep(bodies, lists, rows, blocks, rest, ..., reverse) visits every row and returns the largest overlap.
+    end(bodies, rows, total) moves the bodies.
+    """
     t = types(o.precision)
-    real, Bodies, Lists = t.real, t.Bodies, t.Lists
+    real, vec3, vec4, Bodies, Lists = t.real, t.vec3, t.vec4, t.Bodies, t.Lists
     Rows = row_types(o.precision)
     # a row stays with its plane through the step, also where its body leaves the region of a part of a mesh
     distance_of = wall_functions(o.walls).extended
-    nearest = image_functions(o.precision, o.periodic).nearest
+    separation = image_functions(o.precision, o.periodic).separation
     direction = direction_function(o.precision)
+    lanes = lane_functions(o)
+    sweep_blocks, room = lanes.positions, lanes.room
     radius, present = radius_function(o.precision, o.radii), o.walls.present
 
     @wp.func
-    def shifted(k: vec8d, d: wp.vec3d):
-        return vec8d(k[0] + d[0], k[1] + d[1], k[2] + d[2], k[3], k[4], k[5], k[6], k[7])
+    def difference(b: Bodies, i: int, j: int):
+        """Of the positions of two bodies, and the sum of their radii."""
+        ki, kj = b.kin[i], b.kin[j]
+        d = separation(b, ki, kj)
+        reach = real(radius(b, ki) + radius(b, kj))
+        out = vec4(real(d[0]), real(d[1]), real(d[2]), reach)
+        if wp.length_sq(vec3(out[0], out[1], out[2])) == real(0.0):
+            n = real(CLOSE) * reach * direction(i, j)
+            out = vec4(n[0], n[1], n[2], reach)
+        return out
+
+    @wp.func
+    def begin(b: Bodies, rows: Rows, pairs: int, total: int):
+        for r in range(pairs):
+            rows.apart[r] = difference(b, rows.i[r], rows.j[r])
+        for i in range(total):
+            rows.shift[i] = vec4(real(0.0), real(0.0), real(0.0), b.inv_m[i])
+
+    @wp.func
+    def moved(s: vec4, way: vec3):
+        return vec4(s[0] + s[3] * way[0], s[1] + s[3] * way[1], s[2] + s[3] * way[2], s[3])
+
+    @wp.func
+    def visit(b: Bodies, lists: Lists, rows: Rows, r: int, walls: Walls, total: int, slop: real, dt: real):
+        i, j = rows.i[r], rows.j[r]
+        si = rows.shift[i]
+        held = rows.push[r] * dt
+        overlap, mass = real(0.0), si[3]
+        n, sj = vec3(), vec4()
+        if j < total:
+            e = difference(b, i, j)
+            sj = rows.shift[j]
+            d = vec3(e[0] + si[0] - sj[0], e[1] + si[1] - sj[1], e[2] + si[2] - sj[2])
+            overlap = e[3] - wp.length(d)
+            mass += sj[3]
+            n = wp.normalize(d)
+        elif wp.static(present):
+            k = b.kin[i]
+            x = wp.vec3d(k[0] + wp.float64(si[0]), k[1] + wp.float64(si[1]), k[2] + wp.float64(si[2]))
+            distance, normal = distance_of(walls, lists.wall_f[j - total], 0, x)
+            overlap = real(radius(b, k) - distance)
+            n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
+        if (overlap > slop or held > real(0.0)) and mass > real(0.0):
+            way = wp.max(overlap / mass, -held)
+            rows.push[r] = (held + way) / dt
+            rows.shift[i] = moved(si, way * n)
+            if j < total:
+                rows.shift[j] = moved(sj, -way * n)
+        return overlap
 
     @wp.func
     def sweep(
         b: Bodies,
         lists: Lists,
         rows: Rows,
-        count: int,
+        blocks: int,
+        rest: int,
         walls: Walls,
         total: int,
-        slop: wp.float64,
-        dt: wp.float64,
+        slop: real,
+        dt: real,
         reverse: int,
     ):
-        zero = wp.float64(0.0)
-        largest = wp.float64(0.0)
-        for q in range(count):
-            r = q
+        largest, first = real(0.0), room(rows)
+        if reverse == 0:
+            largest = sweep_blocks(rows, blocks, slop, dt, 0)
+        for q in range(rest):
+            at = first + q
             if reverse == 1:
-                r = count - 1 - q
-            i, j = rows.i[r], rows.j[r]
-            ki = b.kin[i]
-            xi = wp.vec3d(ki[0], ki[1], ki[2])
-            mi = wp.float64(b.inv_m[i])
-            if j < total:
-                kj = b.kin[j]
-                d = nearest(b, xi - wp.vec3d(kj[0], kj[1], kj[2]))
-                reach = radius(b, ki) + radius(b, kj)
-                r2 = wp.dot(d, d)
-                held = wp.float64(rows.push[r]) * dt
-                if r2 < reach * reach or held > zero:
-                    length = wp.sqrt(r2)
-                    overlap = reach - length
-                    mass = wp.float64(b.inv_m[j]) + mi
-                    largest = wp.max(largest, overlap)
-                    if (overlap > slop or held > zero) and mass > zero:
-                        shift = wp.max(overlap / mass, -held)
-                        n = d / length
-                        if length == zero:
-                            n = wp.vec3d(direction(i, j))
-                        rows.push[r] = real((held + shift) / dt)
-                        b.kin[i] = shifted(ki, mi * shift * n)
-                        b.kin[j] = shifted(kj, -wp.float64(b.inv_m[j]) * shift * n)
-            elif wp.static(present):
-                distance, normal = distance_of(walls, lists.wall_f[j - total], 0, xi)
-                overlap = radius(b, ki) - distance
-                held = wp.float64(rows.push[r]) * dt
-                largest = wp.max(largest, overlap)
-                if (overlap > slop or held > zero) and mi > zero:
-                    shift = wp.max(overlap / mi, -held)
-                    rows.push[r] = real((held + shift) / dt)
-                    b.kin[i] = shifted(ki, mi * shift * normal)
+                at = first + rest - 1 - q
+            largest = wp.max(largest, visit(b, lists, rows, rows.order[at], walls, total, slop, dt))
+        if reverse == 1:
+            largest = wp.max(largest, sweep_blocks(rows, blocks, slop, dt, 1))
         return largest
 
-    return sweep
+    @wp.func
+    def end(b: Bodies, rows: Rows, total: int):
+        for i in range(total):
+            k, s = b.kin[i], rows.shift[i]
+            x, y, z = wp.float64(s[0]), wp.float64(s[1]), wp.float64(s[2])
+            b.kin[i] = vec8d(k[0] + x, k[1] + y, k[2] + z, k[3], k[4], k[5], k[6], k[7])
+
+    return SimpleNamespace(begin=begin, sweep=sweep, end=end)

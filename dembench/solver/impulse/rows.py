@@ -54,7 +54,9 @@ def row_types(precision: str) -> Any:
     collisions, where the loads of walls are asked for; push: load that the position pass of this step
     carries; u: velocity (0-2), inverse mass, angular velocity (4-6), inverse inertia of bodies and, behind them, of the
     walls in contact; hit: 1 + the last collision sweep in which each of these collided; x: positions at the start of
-    the step.
+    the step; order, mask, stamp: see `row_lanes` and `blocks`; apart: difference of two positions (0-2) at the start of
+    the position pass, and sum of radii; shift: what the pass has moved a body (0-2), and its inverse mass. The last row
+    has the last entries of u and of shift: it is that of lanes without a row.
     """
     t = types(precision)
     vec8 = t.vec8
@@ -70,6 +72,11 @@ def row_types(precision: str) -> Any:
         u: wp.array(dtype=vec8)
         hit: wp.array(dtype=wp.int32)
         x: wp.array(dtype=wp.vec3d)
+        order: wp.array(dtype=wp.int32)
+        mask: wp.array(dtype=wp.uint64)
+        stamp: wp.array(dtype=wp.int32)
+        apart: wp.array(dtype=t.vec4)
+        shift: wp.array(dtype=t.vec4)
 
     Rows.__qualname__ = Rows.__name__ = f"Rows_{precision}"
     return wp.struct(Rows)
@@ -79,8 +86,9 @@ def row_types(precision: str) -> Any:
 def row_access(precision: str) -> Any:
     """Direct access to the rows as Warp functions; the generated one allows negative indices and any stride.
 
-    first(rows, r) and second(rows, r): indices i and j; constants(rows, r): a; impulses(rows, r) and set_impulses(rows,
-    r, b): b; state(rows, i) and set_state(rows, i, u): u.
+    set_row(rows, r, i, j, slot, a, b): a new row; first(rows, r) and second(rows, r): indices i and j; constants(rows,
+    r): a; impulses(rows, r) and set_impulses(rows, r, b): b; state(rows, i) and set_state(rows, i, u): u;
+    collided(rows, i): hit.
     """
     t = types(precision)
     Rows, vec8 = row_types(precision), t.vec8
@@ -106,7 +114,18 @@ def row_access(precision: str) -> Any:
     @wp.func_native("rows.u.data[i] = u;")
     def set_state(rows: Rows, i: int, u: vec8): ...
 
+    @wp.func_native("return rows.hit.data[i];")
+    def collided(rows: Rows, i: int) -> int: ...
+
+    @wp.func_native(
+        "rows.i.data[r] = i; rows.j.data[r] = j; rows.slot.data[r] = slot;"
+        "rows.a.data[r] = a; rows.b.data[r] = b; rows.push.data[r] = 0;"
+    )
+    def set_row(rows: Rows, r: int, i: int, j: int, slot: int, a: vec8, b: vec8): ...
+
     return SimpleNamespace(
+        collided=collided,
+        set_row=set_row,
         first=first,
         second=second,
         constants=constants,
@@ -139,7 +158,7 @@ def limit_types(precision: str) -> Any:
         share: real
         calm: real
         margin: real
-        slop: wp.float64
+        slop: real
         near: wp.float64
 
     Limits.__qualname__ = Limits.__name__ = f"Limits_{precision}"
@@ -182,6 +201,8 @@ def row_functions(o: ImpulseOptions) -> Any:
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     direction = direction_function(o.precision)
+    access = row_access(o.precision)
+    state, set_row = access.state, access.set_row
     friction, loads = o.friction, o.walls.loads
 
     @wp.func
@@ -202,14 +223,9 @@ def row_functions(o: ImpulseOptions) -> Any:
     ):
         """Writes a row with the impulses of the last step. Memory: tangential impulse, along n the load that the
         position pass carried, and the normal impulse."""
-        ui, uj = rows.u[i], rows.u[j]
+        ui, uj = state(rows, i), state(rows, j)
         mass = real(1.0) / (ui[3] + uj[3])
         turning = real(1.0) / (ui[3] + uj[3] + ri * ri * ui[7] + rj * rj * uj[7])
-        rows.i[at] = i
-        rows.j[at] = j
-        rows.slot[at] = slot
-        rows.a[at] = vec8(n[0], n[1], n[2], -gap / dt, mass, turning, c.mu, ri)
-        rows.push[at] = real(0.0)
         if wp.static(loads):
             rows.blow[at] = vec3()
         lt = vec3()
@@ -221,7 +237,8 @@ def row_functions(o: ImpulseOptions) -> Any:
             vn = n[0] * (ui[0] - uj[0]) + n[1] * (ui[1] - uj[1]) + n[2] * (ui[2] - uj[2])
             if wp.abs(vn) < limits.event:
                 carried = wp.max(along, real(0.0))
-        rows.b[at] = vec8(rj, memory[3], c.e, c.beta, lt[0], lt[1], lt[2], carried)
+        a = vec8(n[0], n[1], n[2], -gap / dt, mass, turning, c.mu, ri)
+        set_row(rows, at, i, j, slot, a, vec8(rj, memory[3], c.e, c.beta, lt[0], lt[1], lt[2], carried))
 
     @wp.func
     def meeting(d: vec8d, inside: wp.float64, dt: wp.float64):

@@ -50,7 +50,7 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
     """Warp functions (flows, stabilize).
 
     flows(rows, count, limits, blow) adds `blow`, the impulse of fast collisions, to the load in fast contacts.
-    stabilize(rows, search, count, total, limits) returns the number of sweeps; `total` is the number of bodies.
+    stabilize(rows, search, count, blocks, rest, total, limits) returns the number of sweeps; `total`: number of bodies.
     """
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
@@ -147,7 +147,7 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
         return real(wp.sqrt(squares / wp.float64(wp.max(total, 1))))
 
     @wp.func
-    def stabilize(rows: Rows, search: Search, count: int, total: int, limits: Limits):
+    def stabilize(rows: Rows, search: Search, count: int, blocks: int, rest: int, total: int, limits: Limits):
         zero = wp.float64(0.0)
         for r in range(count):
             search.p[r] = vec4()
@@ -160,8 +160,8 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
                 search.z[r] = impulses(rows.b[r])
             for i in range(total):
                 search.u[i] = rows.u[i]
-            sweep(rows, count, limits.still, 0)
-            sweep(rows, count, limits.still, 1)
+            sweep(rows, blocks, rest, limits.still, 0)
+            sweep(rows, blocks, rest, limits.still, 1)
             made += 2
             c = curvatures(rows, search, total)
             g = slopes(rows, search, count)

@@ -6,7 +6,8 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.impulse.collisions import collide_functions
-from dembench.solver.impulse.positions import position_sweep
+from dembench.solver.impulse.positions import position_functions
+from dembench.solver.impulse.row_lanes import BLOCKS, lane_functions
 from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_functions, row_types
 from dembench.solver.impulse.stabilization import search_types, stabilization_functions
 from dembench.solver.impulse.sweeps import sweep_functions
@@ -30,7 +31,8 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     sweeps.
 
     `state` (int32): 2 steps done, 3 reason for coming back, 4 rows and 7 collisions of the last step, in all steps 5
-    velocity sweeps, 6 position sweeps, 8 sweeps of the stabilization. `travel` (float64): 0 since the lists were built,
+    velocity sweeps, 6 position sweeps, 8 sweeps of the stabilization; 9 blocks of rows and 10 rows outside them in the
+    last step. `travel` (float64): 0 since the lists were built,
     1 since the near pairs were picked, 2 of large and small bodies since the candidates were listed, 3 largest overlap
     left by a step, 4 gap up to which pairs count as near.
     """
@@ -41,7 +43,9 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
     pair_rows, big_rows, wall_rows = row_functions(o)
     warm_start, sweep, remember = sweep_functions(o)
     collide, close = collide_functions(o)
-    push = position_sweep(o)
+    positions = position_functions(o)
+    part, push, shift = positions.begin, positions.sweep, positions.end
+    order = lane_functions(o).order
     near = near_functions(o.precision, o.periodic, o.radii, True)
     pick_near, pick_big = near.pick_near, near.pick_big
     flows, stabilize = stabilization_functions(o)
@@ -236,33 +240,37 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                 if state[7] > 0:
                     close(b, total, rows, counted, step)
                 warm_start(rows, counted)
-                changed = sweep(rows, counted, limits.still, 0)
+                order(rows, total, first_big, counted, state)
+                blocks, rest = state[wp.static(BLOCKS)] + 0, state[wp.static(BLOCKS) + 1] + 0
+                changed = sweep(rows, blocks, rest, limits.still, 0)
                 sweeps = int(1)
                 while changed > 0 and sweeps < limits.velocity_sweeps:
-                    changed = sweep(rows, counted, limits.still, sweeps % 2)
+                    changed = sweep(rows, blocks, rest, limits.still, sweeps % 2)
                     sweeps += 1
                 state[5] = state[5] + sweeps
                 if wp.static(stabilization):
                     if not flows(rows, counted, limits, blow):
-                        state[8] = state[8] + stabilize(rows, search, counted, total, limits)
+                        state[8] = state[8] + stabilize(rows, search, counted, blocks, rest, total, limits)
                 if wp.static(loads):
                     load_walls(b, lists, walls, rows, first_wall, counted, total, dt)
                 for i in range(total):
                     check += drift(b, i, rows, dt)
                 if wp.static(timed):
                     place(walls, 0, now + dt, now + dt)
-                left = wp.float64(wp.inf)
+                part(b, rows, first_big, total)
+                left = real(wp.inf)
                 passes = int(0)
                 while left > limits.slop and passes < limits.position_sweeps:
-                    left = push(b, lists, rows, counted, walls, total, limits.slop, dt, passes % 2)
+                    left = push(b, lists, rows, blocks, rest, walls, total, limits.slop, step, passes % 2)
                     passes += 1
+                shift(b, rows, total)
                 state[6] = state[6] + passes
                 remember(rows, 0, first_big, lists.memory)
                 if wp.static(bigs):
                     remember(rows, first_big, first_wall, lists.big_memory)
                 if wp.static(present):
                     remember(rows, first_wall, counted, lists.wall_memory)
-                travel[3] = wp.max(travel[3], left)
+                travel[3] = wp.max(travel[3], wp.float64(left))
                 farthest, farthest_big = wp.float64(0.0), wp.float64(0.0)
                 for i in range(n):
                     farthest = wp.max(farthest, moved(b, i, rows))

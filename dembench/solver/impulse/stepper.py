@@ -10,11 +10,14 @@ import warp as wp
 
 from dembench.scene import Scene, features
 from dembench.solver.guard import SolverError
+from dembench.solver.impulse.blocks import WINDOW
 from dembench.solver.impulse.diagnosis import RowTable
+from dembench.solver.impulse.row_lanes import BLOCKS
 from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_types
 from dembench.solver.impulse.stabilization import search_types
 from dembench.solver.impulse.step import impulse_kernel
 from dembench.solver.inspection import Touching
+from dembench.solver.lanes import LANES
 from dembench.solver.pairs import PairTables
 from dembench.solver.returns import BIG_OVERFLOW, NOT_FINITE, REBUILD
 from dembench.solver.soft import unsupported_features
@@ -41,6 +44,8 @@ SKIN, SKIN_STEPS, SKIN_LIMIT = 0.1, 3, 0.4
 but for one step only where that is more than SKIN_LIMIT diameters: long lists cost more memory than rebuilds time."""
 NEAR_SKIN = 0.03
 """Gap up to which listed pairs are tested in every step: at least this, in smallest diameters."""
+ROOM = 1.25
+"""Room for rows in blocks, over the number of rows; rows beyond it are visited one by one."""
 BIG_SKIN = 0.5
 """Gap up to which bodies are candidates of a large body, in smallest diameters and beyond one step of travel."""
 
@@ -89,7 +94,7 @@ class Impulses:
         self._fall = math.hypot(*gravity) * self.dt
         self._limits = self._limit(velocity_sweeps, position_sweeps, precision)
         self.expect(0.0)
-        self._flags = wp.zeros(9, dtype=wp.int32, device="cpu")
+        self._flags = wp.zeros(BLOCKS + 2, dtype=wp.int32, device="cpu")
         self._travel = wp.zeros(5, dtype=wp.float64, device="cpu")
         self._steps = 0
         self._big_skin = BIG_SKIN * state.diameter
@@ -107,7 +112,7 @@ class Impulses:
         s, t = self.state, self._tables
         inputs = [n, float(first), self.dt, self._gravity, s.n, s.total, s.walls.record, s.wall_speed]
         inputs += [t.pairs, t.pair_columns, t.walls, t.wall_columns, s.skin, self._big_skin, s.big_capacity]
-        inputs += [len(self._rows.i), self._limits, s.pair_count, s.wall_count]
+        inputs += [len(self._rows.i) - 1, self._limits, s.pair_count, s.wall_count]
         outputs = [s.bodies, s.lists, self._rows, self._search, s.near_count, self._flags, self._travel]
         wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
         flags = self._flags.numpy()
@@ -184,8 +189,8 @@ class Impulses:
         contacts = int(s.pair_count.numpy()[0]) + walls + (s.big_capacity if s.big_rows else 0)
         if (
             self._rows.i is None
-            or len(self._rows.i) < contacts
-            or len(self._rows.u) < s.total + walls
+            or len(self._rows.i) <= contacts
+            or len(self._rows.u) <= s.total + walls
             or len(self._rows.x) < s.total
         ):
             self._allocate(int(1.05 * contacts) + 64, int(1.2 * walls) + 64)
@@ -193,13 +198,17 @@ class Impulses:
     def _allocate(self, n: int, walls: int) -> None:
         s, t, rows, search = self.state, self.state.types, self._rows, self._search
         bodies = max(1, s.total)
-        sizes = {"i": n, "j": n, "slot": n, "a": n, "b": n, "push": n, "x": bodies}
-        sizes |= {"u": bodies + walls, "hit": bodies + walls, "blow": n if self._options.walls.loads else 1}
-        kinds = {"a": t.vec8, "b": t.vec8, "u": t.vec8, "push": t.real, "blow": t.vec3, "x": wp.vec3d}
+        sizes = dict.fromkeys(("i", "j", "slot", "a", "b", "push", "apart"), n)
+        sizes |= dict.fromkeys(("x", "mask", "stamp"), bodies) | dict.fromkeys(("u", "hit", "shift"), bodies + walls)
+        sizes |= {"order": (math.ceil(ROOM * n / LANES) + WINDOW) * LANES + n}
+        sizes |= {"blow": n if self._options.walls.loads else 1}
+        kinds = {"a": t.vec8, "b": t.vec8, "u": t.vec8, "push": t.real, "apart": t.vec4, "shift": t.vec4}
+        kinds |= {"blow": t.vec3, "x": wp.vec3d, "mask": wp.uint64}
         # the old arrays go first: both together would be the peak of the memory
         for wanted in (dict.fromkeys(sizes, 1), sizes):
             for name, size in wanted.items():
                 setattr(rows, name, wp.zeros(size, dtype=kinds.get(name, wp.int32), device="cpu"))
+        rows.i.numpy()[-1] = rows.j.numpy()[-1] = bodies + walls - 1
         if not self._options.stabilization:
             n = bodies = 1
         for size_rows, size_bodies in ((1, 1), (n, bodies)):

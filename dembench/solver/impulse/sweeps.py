@@ -11,6 +11,7 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.impulse.exchange import impulse_function
+from dembench.solver.impulse.row_lanes import lane_functions
 from dembench.solver.impulse.rows import ImpulseOptions, row_access, row_types
 from dembench.solver.types import types
 
@@ -63,14 +64,15 @@ def row_arithmetic(o: ImpulseOptions) -> Any:
 def sweep_functions(o: ImpulseOptions) -> Any:
     """Warp functions (warm_start, sweep, remember).
 
-    sweep(rows, count, still, reverse) visits every row once and returns in how many a relative velocity changed by more
-    than `still`.
+    sweep(rows, blocks, rest, still, reverse) visits every row once, those in blocks and the `rest` behind them, and
+    returns in how many a relative velocity changed by more than `still`.
     """
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Rows = row_types(o.precision)
-    arithmetic = row_arithmetic(o)
+    arithmetic, lanes = row_arithmetic(o), lane_functions(o)
     velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
+    sweep_blocks, room = lanes.velocities, lanes.room
     access = row_access(o.precision)
     first, second, state = access.first, access.second, access.state
     constants, impulses, set_impulses = access.constants, access.impulses, access.set_impulses
@@ -88,12 +90,12 @@ def sweep_functions(o: ImpulseOptions) -> Any:
                 apply(rows, i, j, rows.u[i], rows.u[j], n, a[7], b[0], b[1], vec3(b[4], b[5], b[6]))
 
     @wp.func
-    def sweep(rows: Rows, count: int, still: real, reverse: int):
-        changed = int(0)
-        for q in range(count):
-            r = q
+    def sweep_rest(rows: Rows, rest: int, still: real, reverse: int):
+        changed, begin = int(0), room(rows)
+        for q in range(rest):
+            r = rows.order[begin + q]
             if reverse == 1:
-                r = count - 1 - q
+                r = rows.order[begin + rest - 1 - q]
             a, b = constants(rows, r), impulses(rows, r)
             i, j = first(rows, r), second(rows, r)
             ui, uj = state(rows, i), state(rows, j)
@@ -113,6 +115,16 @@ def sweep_functions(o: ImpulseOptions) -> Any:
                 set_impulses(rows, r, vec8(b[0], ln, b[2], b[3], lt[0], lt[1], lt[2], b[7]))
                 if size2 > still * still * a[4] * a[4]:
                     changed += 1
+        return changed
+
+    @wp.func
+    def sweep(rows: Rows, blocks: int, rest: int, still: real, reverse: int):
+        changed = int(0)
+        if reverse == 0:
+            changed = sweep_blocks(rows, blocks, still, 0)
+        changed += sweep_rest(rows, rest, still, reverse)
+        if reverse == 1:
+            changed += sweep_blocks(rows, blocks, still, 1)
         return changed
 
     @wp.func
