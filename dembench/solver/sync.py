@@ -4,7 +4,7 @@ import warp as wp
 
 # Spins briefly, then yields the core: a waiting thread must not keep a core from the one that it waits for.
 _BARRIER = """
-    int sched_yield() __asm__("sched_yield");
+    int sched_yield(void) __asm__("sched_yield");
     int generation = __atomic_load_n(&state.data[1], __ATOMIC_ACQUIRE);
     if (__atomic_add_fetch(&state.data[0], 1, __ATOMIC_ACQ_REL) == threads) {
         __atomic_store_n(&state.data[0], 0, __ATOMIC_RELAXED);

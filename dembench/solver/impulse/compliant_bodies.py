@@ -7,8 +7,18 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.contacts import load_functions
-from dembench.solver.impulse.compliant_rows import FAR, A, B, CompliantOptions, compliant_access, compliant_types
+from dembench.solver.impulse.compliant_rows import (
+    FAR,
+    PER_THREAD,
+    TRAVEL,
+    A,
+    B,
+    CompliantOptions,
+    compliant_access,
+    compliant_types,
+)
 from dembench.solver.lanes import LANES
+from dembench.solver.sync import barrier
 from dembench.solver.types import types, vec8d
 from dembench.solver.walls.loads import load_functions as wall_load_functions
 from dembench.solver.walls.records import Walls
@@ -16,7 +26,8 @@ from dembench.solver.walls.records import Walls
 
 @cache
 def body_functions(o: CompliantOptions) -> Any:
-    """Warp functions `begin`, `drift` and `end` of a body in a substep, `fastest` of many, and `load_walls`."""
+    """Warp functions `begin`, `drift` and `end` of a body in a substep, `fastest` of many, and `load_walls`;
+    `speeds_of_all` joins what threads have."""
     t = types(o.law.precision)
     real, vec4, vec8, Bodies, Lists = t.real, t.vec4, t.vec8, t.Bodies, t.Lists
     Rows = compliant_types(o.law.precision)
@@ -76,6 +87,21 @@ def body_functions(o: CompliantOptions) -> Any:
         return square
 
     @wp.func
+    def speeds_of_all(
+        own: wp.vec3d, travel: wp.array(dtype=wp.float64), part: int, parts: int, state: wp.array(dtype=wp.int32)
+    ):
+        """The largest of two, and the sum of the third, of what all threads have, by way of `travel`."""
+        at = wp.static(TRAVEL) + wp.static(PER_THREAD) * part
+        for c in range(3):
+            travel[at + c] = own[c]
+        barrier(state, parts)
+        found = wp.vec3d()
+        for p in range(parts):
+            of = wp.static(TRAVEL) + wp.static(PER_THREAD) * p
+            found = wp.vec3d(wp.max(found[0], travel[of]), wp.max(found[1], travel[of + 1]), found[2] + travel[of + 2])
+        return found
+
+    @wp.func
     def load_walls(b: Bodies, lists: Lists, walls: Walls, part: int, rows: Rows, first: int, end: int, dt: wp.float64):
         """Hands the impulses of the rows of the blocks first..end to the walls, as forces over the whole step."""
         poses = part * walls.motions.shape[0]
@@ -93,4 +119,6 @@ def body_functions(o: CompliantOptions) -> Any:
             x = wp.vec3d(k[0], k[1], k[2])
             add_load_to_wall(walls, part, lists.wall_f[slot], poses, x, f, t, dt)
 
-    return SimpleNamespace(begin=begin, drift=drift, end=end, fastest=fastest, load_walls=load_walls)
+    return SimpleNamespace(
+        begin=begin, drift=drift, end=end, fastest=fastest, speeds_of_all=speeds_of_all, load_walls=load_walls
+    )

@@ -4,7 +4,6 @@ No body is twice in a block, see `blocks`.
 """
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -20,6 +19,7 @@ from dembench.solver.impulse.compliant_rows import (
 )
 from dembench.solver.lanes import LANES
 from dembench.solver.pairs import pair_lookup
+from dembench.solver.sync import barrier
 from dembench.solver.types import types
 from dembench.solver.walls.records import Walls
 
@@ -62,11 +62,11 @@ return first + used;
 
 
 @cache
-def schedule_functions(o: CompliantOptions) -> Any:
-    """Warp functions `own` and `bridge` that write bodies, slots and constants of the rows of a segment into blocks.
+def schedule_function(o: CompliantOptions) -> Any:
+    """A Warp function that writes bodies, slots and constants of all rows into blocks; all threads call it.
 
-    Where the room of a segment, or that of its constants, does not suffice, nothing is written behind it, but `state`
-    says what it would need. `fixed` is the index of what does not move.
+    It returns whether they fit: where the room of a segment, or that of its constants, does not suffice, nothing is
+    written behind it, but `state` says what it would need. `fixed` is the index of what does not move.
     """
     precision = o.law.precision
     t = types(precision)
@@ -204,4 +204,68 @@ def schedule_functions(o: CompliantOptions) -> Any:
         state[flags + per_segment * parts] = other
         state[flags + per_segment * parts + 1] = end
 
-    return SimpleNamespace(own=own, bridge=bridge)
+    @wp.func
+    def fit(rows: Rows, parts: int, row_base: wp.array(dtype=wp.int32), state: wp.array(dtype=wp.int32)):
+        out = int(1)
+        for p in range(parts + 1):
+            used = state[flags + per_segment * p + 1] + 0
+            if used > row_base[p + 1]:
+                out = 0
+            if wp.static(shared):
+                if used - state[flags + per_segment * p] > rows.c_base[p + 1] - rows.c_base[p]:
+                    out = 0
+        return out
+
+    @wp.func
+    def schedule(
+        b: Bodies,
+        lists: Lists,
+        rows: Rows,
+        walls: Walls,
+        part: int,
+        parts: int,
+        fixed: int,
+        ranges: wp.array(dtype=wp.int32),
+        n: int,
+        total: int,
+        base: wp.array(dtype=wp.int32),
+        near_count: wp.array(dtype=wp.int32),
+        wall_capacity: int,
+        wall_count: wp.array(dtype=wp.int32),
+        row_base: wp.array(dtype=wp.int32),
+        pair_table: wp.array(dtype=PairClass),
+        pair_columns: int,
+        wall_table: wp.array(dtype=PairClass),
+        wall_columns: int,
+        state: wp.array(dtype=wp.int32),
+    ):
+        own(
+            b,
+            lists,
+            rows,
+            walls,
+            part,
+            fixed,
+            ranges,
+            n,
+            total,
+            base,
+            near_count,
+            wall_capacity,
+            wall_count,
+            row_base,
+            pair_table,
+            pair_columns,
+            wall_table,
+            wall_columns,
+            state,
+        )
+        if wp.static(threads):
+            barrier(state, parts)
+        if part == 0:
+            bridge(b, lists, rows, parts, fixed, n, total, base, near_count, row_base, pair_table, pair_columns, state)
+        if wp.static(threads):
+            barrier(state, parts)
+        return fit(rows, parts, row_base, state)
+
+    return schedule

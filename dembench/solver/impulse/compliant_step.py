@@ -21,7 +21,7 @@ from dembench.solver.impulse.compliant_rows import (
     compliant_types,
     constants_function,
 )
-from dembench.solver.impulse.compliant_schedule import schedule_functions
+from dembench.solver.impulse.compliant_schedule import schedule_function
 from dembench.solver.impulse.compliant_substeps import stiffness_functions
 from dembench.solver.impulse.compliant_sweep import solve_function
 from dembench.solver.neighbours import near_functions
@@ -61,29 +61,20 @@ def compliant_kernel(o: CompliantOptions) -> Any:
     Rows = compliant_types(o.law.precision)
     of_bodies = body_functions(o)
     begin, drift, end, load_walls = of_bodies.begin, of_bodies.drift, of_bodies.end, of_bodies.load_walls
-    largest_square = of_bodies.fastest
+    largest_square, speeds_of_all = of_bodies.fastest, of_bodies.speeds_of_all
     opening, stiffness, solve = opening_functions(o), stiffness_functions(o), solve_function(o)
-    schedule = schedule_functions(o)
-    fill_own, fill_bridge = schedule.own, schedule.bridge
+    schedule = schedule_function(o)
     open_pairs, open_bigs, open_walls = opening.pairs, opening.bigs, opening.walls
     stiff_pairs, stiff_bigs, stiff_walls = stiffness.pairs, stiffness.bigs, stiffness.walls
-    joined, rate = stiffness.joined, stiffness.rate
+    joined, of_all, rate = stiffness.joined, stiffness.of_all, stiffness.rate
     near = near_functions(o.law.precision, o.periodic, o.radii, o.law.friction)
     pick_near, pick_big = near.pick_near, near.pick_big
     present, timed, meshes = o.walls.present, o.walls.timed, o.walls.meshes
     hand_over = hand_over_function(o.law.precision, o.walls, o.radii)
     clear_loads, loads = wall_load_functions(o.walls).clear, o.walls.loads
-    bigs, friction, threads, shared = o.bigs, o.law.friction, o.threads, o.shared
+    bigs, friction, threads = o.bigs, o.law.friction, o.threads
     constants = constants_function(o)
     segments, slots = wp.constant(FLAGS), wp.constant(TRAVEL)
-
-    @wp.func
-    def largest_of(travel: wp.array(dtype=wp.float64), place: int, parts: int):
-        """The largest of what the threads have left at a place of theirs."""
-        largest = wp.float64(0.0)
-        for p in range(parts):
-            largest = wp.max(largest, travel[slots + wp.static(PER_THREAD) * p + place])
-        return largest
 
     @wp.func
     def list_bigs(
@@ -164,10 +155,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
         fall, finer = vec4(), wp.vec3d()
         fastest, fastest_big = largest_square(b, begin_small, end_small), largest_square(b, begin_big, end_big)
         if wp.static(threads):
-            travel[slot] = fastest
-            travel[slot + 1] = fastest_big
-            barrier(state, parts)
-            fastest, fastest_big = largest_of(travel, 0, parts), largest_of(travel, 1, parts)
+            speeds = speeds_of_all(wp.vec3d(fastest, fastest_big, zero), travel, part, parts, state)
+            fastest, fastest_big = speeds[0], speeds[1]
         fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
         while going == 1 and (done < steps or left > 0):
             if left == 0 or fresh == 1:
@@ -221,13 +210,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                             ),
                         )
                     if wp.static(threads):
-                        for c in range(3):
-                            travel[slot + 3 + c] = need[c]
-                        barrier(state, parts)
-                        need = wp.vec3d()
-                        for p in range(parts):
-                            at = slots + wp.static(PER_THREAD) * p + 3
-                            need = joined(need, wp.vec3d(travel[at], travel[at + 1], travel[at + 2]))
+                        need = of_all(need, travel, part, parts, state)
                     if going == 1:
                         left = wp.max(int(wp.ceil(ahead * rate(need))), 1)
                 if going == 1:
@@ -277,12 +260,13 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     going = 0
             if going == 1 and (relisted == 1 or unscheduled == 1):
                 unscheduled = 0
-                fill_own(
+                fits = schedule(
                     b,
                     lists,
                     rows,
                     walls,
                     part,
+                    parts,
                     fixed,
                     ranges,
                     n,
@@ -298,35 +282,9 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     wall_columns,
                     state,
                 )
-                if wp.static(threads):
-                    barrier(state, parts)
-                if part == 0:
-                    fill_bridge(
-                        b,
-                        lists,
-                        rows,
-                        parts,
-                        fixed,
-                        n,
-                        total,
-                        base,
-                        near_count,
-                        row_base,
-                        pair_table,
-                        pair_columns,
-                        state,
-                    )
-                if wp.static(threads):
-                    barrier(state, parts)
-                for p in range(parts + 1):
-                    used = state[segments + 2 * p + 1] + 0
-                    if used > row_base[p + 1]:
-                        reason = int(ROW_OVERFLOW)
-                        going = 0
-                    if wp.static(shared):
-                        if used - state[segments + 2 * p] > rows.c_base[p + 1] - rows.c_base[p]:
-                            reason = int(ROW_OVERFLOW)
-                            going = 0
+                if fits == 0:
+                    reason = int(ROW_OVERFLOW)
+                    going = 0
             if going == 1:
                 now = dt * (first + wp.float64(done + 1)) - wp.float64(left) * h
                 half = wp.float64(0.5) * h
@@ -387,14 +345,8 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     fastest_big = wp.max(fastest_big, speed)
                     check += speed
                 if wp.static(threads):
-                    travel[slot] = fastest
-                    travel[slot + 1] = fastest_big
-                    travel[slot + 2] = check
-                    barrier(state, parts)
-                    fastest, fastest_big = largest_of(travel, 0, parts), largest_of(travel, 1, parts)
-                    check = wp.float64(0.0)
-                    for p in range(parts):
-                        check += travel[slots + wp.static(PER_THREAD) * p + 2]
+                    speeds = speeds_of_all(wp.vec3d(fastest, fastest_big, check), travel, part, parts, state)
+                    fastest, fastest_big, check = speeds[0], speeds[1], speeds[2]
                 fastest, fastest_big = wp.sqrt(fastest), wp.sqrt(fastest_big)
                 moved = h * wp.max(before, fastest)
                 moved_big = h * wp.max(before_big, fastest_big)

@@ -19,9 +19,10 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.compliant_rows import CompliantOptions, compliant_access
+from dembench.solver.impulse.compliant_rows import PER_THREAD, TRAVEL, CompliantOptions, compliant_access
 from dembench.solver.pairs import pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
+from dembench.solver.sync import barrier
 from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
@@ -221,6 +222,21 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         stiffest = wp.pow(need[0], wp.float64(0.1))
         return wp.max(stiffest / wp.float64(STIFFEST), usual / wp.float64(USUAL))
 
+    @wp.func
+    def of_all(
+        need: wp.vec3d, travel: wp.array(dtype=wp.float64), part: int, parts: int, state: wp.array(dtype=wp.int32)
+    ):
+        """What the contacts of all threads need, by way of their places in `travel`."""
+        own = wp.static(TRAVEL) + wp.static(PER_THREAD) * part + 3
+        for c in range(3):
+            travel[own + c] = need[c]
+        barrier(state, parts)
+        found = wp.vec3d()
+        for p in range(parts):
+            at = wp.static(TRAVEL) + wp.static(PER_THREAD) * p + 3
+            found = joined(found, wp.vec3d(travel[at], travel[at + 1], travel[at + 2]))
+        return found
+
     return SimpleNamespace(
-        pairs=pairs, bigs=bigs, walls=walls, of_two=of_two, at_wall=at_wall, joined=joined, rate=rate
+        pairs=pairs, bigs=bigs, walls=walls, of_two=of_two, at_wall=at_wall, joined=joined, of_all=of_all, rate=rate
     )
