@@ -84,7 +84,7 @@ def position_functions(o: ImpulseOptions) -> Any:
             distance, normal = distance_of(walls, lists.wall_f[j - total], 0, x)
             overlap = real(radius(b, k) - distance)
             n = vec3(real(normal[0]), real(normal[1]), real(normal[2]))
-        if (overlap > slop or held > real(0.0)) and mass > real(0.0):
+        if overlap > slop or held > real(0.0):
             way = wp.max(overlap / mass, -held)
             rows.push[r] = (held + way) / dt
             rows.shift[i] = moved(si, way * n)

@@ -97,7 +97,7 @@ for (int q = 0; q < blocks; ++q) {
     rows4(s, j, sj);
     F d0 = e[0] + si[0] - sj[0], d1 = e[1] + si[1] - sj[1], d2 = e[2] + si[2] - sj[2], zero = full(0);
     F length = root(d0 * d0 + d1 * d1 + d2 * d2), overlap = e[3] - length, mass = si[3] + sj[3], held = at(push) * dt;
-    auto acts = ((overlap > slop) | (held > 0)) & (mass > 0);
+    auto acts = (overlap > slop) | (held > 0);
     F way = acts ? larger(overlap / mass, -held) : zero, along = length > 0 ? way / length : zero;
     largest = larger(largest, overlap);
     held = (held + way) / dt;

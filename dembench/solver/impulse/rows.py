@@ -2,7 +2,7 @@
 
 A row is kept for every pair whose gap can close within the step, also where one of the two is stopped by another
 contact: grains that fall side by side pile up within the step in which the first one lands. Normals and gaps are those
-at the start of the step; a positive gap enters as v' >= -gap/dt.
+at the start of the step; a positive gap enters as v' >= -gap/dt. Two that are both held have none.
 """
 
 from dataclasses import dataclass, field
@@ -293,7 +293,7 @@ def row_functions(o: ImpulseOptions) -> Any:
         vj = n[0] * real(kj[3]) + n[1] * real(kj[4]) + n[2] * real(kj[5])
         # either may be stopped by another contact within the step
         closing = wp.max(wp.max(-vi, vj), wp.max(vj - vi, real(0.0)))
-        if gap - closing * dt < limits.margin:
+        if gap - closing * dt < limits.margin and b.inv_m[i] + b.inv_m[j] > real(0.0):
             if count < capacity:
                 put(rows, count, i, j, slot, n, gap, real(ri), real(rj), c, memory, dt, limits)
             count = count + 1
@@ -370,7 +370,7 @@ def row_functions(o: ImpulseOptions) -> Any:
             gap = real(distance - own)
             v = velocity_of(walls, f, 0, x - wp.float64(own) * normal)
             approach = real((k[3] - v[0]) * normal[0] + (k[4] - v[1]) * normal[1] + (k[5] - v[2]) * normal[2])
-            if gap + wp.min(approach, real(0.0)) * dt < limits.margin:
+            if gap + wp.min(approach, real(0.0)) * dt < limits.margin and b.inv_m[i] > real(0.0):
                 if found < capacity:
                     z = real(0.0)
                     rows.hit[total + q] = 0
