@@ -7,7 +7,7 @@ import pytest
 from records import Record, Seen
 
 from dembench.cases import silo
-from dembench.cases.base import CaseError
+from dembench.cases.base import CaseError, Reference
 from dembench.cases.registry import parse_case
 from dembench.cases.silo_scores import beverloo_rate
 from dembench.initial.filling import PackingError
@@ -148,6 +148,25 @@ def test_changed_contacts_change_the_laws_and_lose_the_published_references(unse
     case, parameters = parse_case("case1[pairs=global]")
     laws = case.scene(parameters, "published").pair_laws
     assert {(p.restitution, p.friction) for p in laws} == {(0.5, 0.3)}
+
+
+@pytest.mark.parametrize(("orifice", "diameters"), [("large", 9.375), ("small", 6.25)])
+@pytest.mark.parametrize("material", ["M1", "M2"])
+def test_each_quick_silo_has_a_rate_of_its_own(orifice: str, material: str, diameters: float) -> None:
+    """Each band is narrower than an eighth of the rate, and the orifices differ by about the power 5/2."""
+
+    def rate(text: str) -> Reference:
+        case, parameters = parse_case(text)
+        scene = case.scene(parameters, "quick")
+        (found,) = [r for r in case.references(scene, parameters, "quick") if r.quantity == "discharge_rate"]
+        return found
+
+    own = rate(f"case1[orifice={orifice},material={material}]")
+    assert own.low is not None and own.high is not None
+    assert own.low < own.value < own.high < own.low + own.value / 8
+    # Beverloo's law with the usual k = 1.4 (Beverloo, Leniger, van de Velde 1961)
+    other = rate(f"case1[orifice=large,material={material}]")
+    assert own.value / other.value == pytest.approx(((diameters - 1.4) / (9.375 - 1.4)) ** 2.5, rel=0.15)
 
 
 @pytest.mark.parametrize(
