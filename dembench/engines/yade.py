@@ -13,6 +13,7 @@ import subprocess
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from dembench.engines.base import FRAMES, Division, Engine, EngineSettings, Phase, Probe, Series, Timing, order_of_contacts
@@ -84,17 +85,24 @@ class Yade(Engine):
         present = features(scene)
         faults += ["rolling friction"] * present.rolling_friction
         faults += ["particles that are no spheres"] * present.shapes
-        faults += ["a periodic domain"] * present.periodic
+        faults += _narrow(scene)
         return [*faults, *refused(scene)]
 
     def law(self, scene: Scene, settings: YadeSettings) -> str:
-        """See `Engine.law`."""
-        return ""
+        """See `Engine.law`; elastic contacts without friction are those of every variant of the scene's law."""
+        own = []
+        if not clipped(scene) and any(pair.restitution < 1 for pair in scene.pair_laws):
+            own.append("tension clipped and damping by Thornton's fit")
+        if features(scene).tangential_history and isinstance(scene.law, HertzMindlin):
+            own.append("the shear force remembered instead of its way")
+            if scene.law.variant == "rescaled":
+                own.append("arm of friction reduced by half the overlap")
+        return "; ".join(own)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
         """See `Engine.defaults`: in the open division a tenth of the Rayleigh time."""
         step = scene.closed_step() if division == "closed" else scene.fitted_step(0.1 * scene.rayleigh_time())
-        return {"dt": step, "skin": float(f"{0.5 * scene.extreme_radii()[0]:.6g}")}
+        return {"dt": step, "skin": _skin(scene)}
 
     # ---- writing
 
@@ -131,6 +139,21 @@ class Yade(Engine):
         """See `Engine.estimate`."""
         steps = scene.duration / settings.dt
         return 3 + steps * len(scene.bodies) / PARTICLE_STEPS_PER_SECOND / settings.threads
+
+
+def _narrow(scene: Scene) -> list[str]:
+    """Periodic axes on which a body's box is longer than half the period, one line each."""
+    least = 4 * (scene.extreme_radii()[1] + _skin(scene))
+    lengths = np.subtract(scene.domain.upper, scene.domain.lower)
+    return [
+        f"a period of {length:g} m along {axis}: at least {least:g} m are accepted, four radii and skins"
+        for axis, length, periodic in zip("xyz", lengths, scene.domain.periodic, strict=True)
+        if periodic and length < least
+    ]
+
+
+def _skin(scene: Scene) -> float:
+    return float(f"{0.5 * scene.extreme_radii()[0]:.6g}")
 
 
 def _wanted() -> str:

@@ -16,6 +16,8 @@ from dembench.engines.yade_walls import STAYS, Built, built
 from dembench.scene import HertzMindlin, PairLaw, Region, Scene, features
 
 IDS_PER_LINE = 1000
+ROOM = 4.0
+"""Length of the periodic cell along an axis that is not periodic, in lengths of the domain: no image is met there."""
 BLOCKED = {"fixed": "xyzXYZ", "kinematic": "xyzXYZ", "rotation-locked": "XYZ"}
 """What the program leaves as it is, by the kind of the constraint."""
 
@@ -44,6 +46,7 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
     steps = steps_of(np.array([scene.duration]), settings.dt)[0]
     frames, tracks = (steps_of(times, settings.dt) for times in (scene.frame_times(), scene.track_times()))
     tracked = list(scene.tracked_bodies())
+    edges = np.subtract(scene.domain.upper, scene.domain.lower)
     if not tracked:
         tracks = []
     return {
@@ -57,6 +60,8 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         "pairs": [_pair(scene, pair) for pair in _pairs(scene)],
         "friction": features(scene).friction,
         "blocked": _blocked(scene),
+        "periodic": [axis for axis in range(3) if scene.domain.periodic[axis]],
+        "cell": [repr(float(e if p else ROOM * e)) for e, p in zip(edges, scene.domain.periodic, strict=True)],
         "walls": walls,
         "surfaces": any(wall.mask == STAYS for wall in walls),
         "shaken": [wall for wall in walls if wall.amplitude],

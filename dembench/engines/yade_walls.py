@@ -1,4 +1,4 @@
-"""Walls in Yade: infinite planes across the axes, triangles for everything else.
+"""Walls in Yade: triangles, one for a plane.
 
 A wall that stays where it is while its surface moves (a belt, a drum that turns about its axis) has a velocity and a
 mask that keeps the integrator from moving it.
@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dembench.engines.liggghts_round import axis_of
 from dembench.scene import Box, Motion, Plane, Scene
 from dembench.scene.walls import WallShape, geometry_moves
 
 MOVES, STAYS = 1, 2
 """Masks of walls that the integrator moves, and of walls that stay."""
+PERIODS = 1000
+"""Lengths of a periodic domain that bodies may go along a plane."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,8 @@ def refused(scene: Scene) -> list[str]:
         elif (motion := wall.motion) is not None:
             if not motion.surface and any(_turned(plane) for plane in _planes(wall)):
                 faults.append(f"motion of wall {wall.name}: a rotation, where the wall does not stay in its place")
+            elif any(scene.domain.periodic) and _mask(wall) == MOVES:
+                faults.append(f"motion of wall {wall.name}: a wall that moves in a periodic domain")
             elif motion.surface and _shaken(motion):
                 faults.append(f"motion of wall {wall.name}: a surface that oscillates while the wall stays")
     return faults
@@ -127,23 +130,23 @@ def _planes(wall: WallShape) -> list[Plane]:
 
 
 def _plane(plane: Plane, scene: Scene, mask: int) -> str:
-    """The call that makes a plane: a wall across an axis, or one triangle that holds its part in the domain."""
-    axis = axis_of(plane.normal)
-    end = f'material="{plane.material}", mask={mask})'
-    if axis is not None:
-        sense = 1 if plane.normal[axis] > 0 else -1
-        return f"wall({_vector(plane.point)}, {axis}, sense={sense}, {end}"
+    """The call that makes a plane: one triangle that holds the plane's part in the domain.
+
+    It needs no inner edges. A `wall` of the program is infinite, but has the radius less the whole overlap as lever of
+    friction, and lies across an axis.
+    """
     low, high = np.array(scene.domain.lower), np.array(scene.domain.upper)
-    middle = (low + high) / 2
-    foot = middle - plane.signed_distance(middle[None])[0] * np.array(plane.normal)
+    middle, normal = (low + high) / 2, np.array(plane.normal)
+    foot = middle - plane.signed_distance(middle[None])[0] * normal
     # A circle about the foot of the domain's middle holds the plane's part in the domain, wherever the plane moves; an
-    # equilateral triangle holds a circle of half the distance of its corners.
+    # equilateral triangle holds a circle of half the distance of its corners. In periodic domains positions run on.
     reach = 2 * (float(np.linalg.norm(high - low)) + _way(plane.motion, scene.duration))
-    square = plane.model_copy(update={"point": tuple(foot)}).triangulate(1.0)
+    reach *= PERIODS if any(scene.domain.periodic) else 1
+    square = plane.model_copy(update={"point": (0.0, 0.0, 0.0)}).triangulate()
     u, v = (square[0, 1] - square[0, 0]) / 2, (square[0, 2] - square[0, 1]) / 2
     angles = 2 * math.pi * np.arange(3) / 3
     corners = [foot + reach * (math.cos(a) * u + math.sin(a) * v) for a in angles]
-    return f"facet([{', '.join(_vector(c) for c in corners)}], {end}"
+    return f'facet([{", ".join(map(_vector, corners))}], material="{plane.material}", mask={mask})'
 
 
 def _vector(values: tuple[float, ...] | np.ndarray) -> str:
