@@ -16,10 +16,21 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from dembench.engines.base import FRAMES, Division, Engine, EngineSettings, Phase, Probe, Series, Timing, order_of_contacts
+from dembench.engines.base import (
+    FRAMES,
+    Division,
+    Engine,
+    EngineSettings,
+    Phase,
+    Probe,
+    Series,
+    Timing,
+    order_of_contacts,
+)
+from dembench.engines.liggghts_round import FEWEST_SIDES, sides_for
 from dembench.engines.yade_deck import clipped, deck, write_bodies, write_triangles
 from dembench.engines.yade_output import DECK, NOTES, failure_in, last_step, read_frames, read_tracks, timing_in
-from dembench.engines.yade_walls import built, refused
+from dembench.engines.yade_walls import built, meshed, refused
 from dembench.scene import HertzMindlin, Scene, features
 from dembench.scene.base import Positive
 
@@ -33,12 +44,14 @@ class YadeSettings(EngineSettings):
 
     Attributes:
         threads: OpenMP threads.
-        skin: Distance by which the boxes of bodies are larger than they, so that pairs are not sought in every step [m].
+        skin: Distance by which the boxes of bodies are larger than they: pairs are not sought in every step [m].
+        segments: Sides of round walls, which are polygons.
         sink_interval: Simulated time between two removals of the bodies in sinks [s].
     """
 
     threads: Annotated[int, Field(ge=1)] = 1
     skin: Positive
+    segments: Annotated[int, Field(ge=FEWEST_SIDES)]
     sink_interval: Positive = 5e-3
 
     def cores(self) -> int:
@@ -97,19 +110,21 @@ class Yade(Engine):
             own.append("the shear force remembered instead of its way")
             if scene.law.variant == "rescaled":
                 own.append("arm of friction reduced by half the overlap")
+        if names := meshed(scene):
+            own.append(f"{', '.join(names)} of triangles with contacts of their own")
         return "; ".join(own)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
         """See `Engine.defaults`: in the open division a tenth of the Rayleigh time."""
         step = scene.closed_step() if division == "closed" else scene.fitted_step(0.1 * scene.rayleigh_time())
-        return {"dt": step, "skin": _skin(scene)}
+        return {"dt": step, "skin": _skin(scene), "segments": sides_for(scene)}
 
     # ---- writing
 
     def write(self, scene: Scene, settings: YadeSettings, directory: Path) -> list[Phase]:
         """See `Engine.write`: simulate.py, bodies.txt, triangles of walls, an empty directory for frames."""
         write_bodies(scene, directory / "bodies.txt")
-        write_triangles(built(scene), directory)
+        write_triangles(built(scene, settings.segments), directory)
         (directory / FRAMES).mkdir(exist_ok=True)
         program = shutil.which(_wanted()) or _wanted()
         command = [program, "-n", "-x", f"-j{settings.threads}", DECK]

@@ -37,12 +37,12 @@ def deck(scene: Scene, settings: Any, command: str) -> str:
 
 
 def clipped(scene: Scene) -> bool:
-    """Whether the scene's own law clips the tension: the program has its dashpots then, else those of its restitution."""
+    """Whether the scene's own law clips the tension: then the program is given its dashpots, else the restitution."""
     return isinstance(scene.law, HertzMindlin) and scene.law.variant == "no-tension"
 
 
 def _values(scene: Scene, settings: Any) -> dict[str, Any]:
-    walls = built(scene)
+    walls = built(scene, settings.segments)
     steps = steps_of(np.array([scene.duration]), settings.dt)[0]
     frames, tracks = (steps_of(times, settings.dt) for times in (scene.frame_times(), scene.track_times()))
     tracked = list(scene.tracked_bodies())
@@ -89,7 +89,7 @@ def _pairs(scene: Scene) -> list[PairLaw]:
 
 
 def _pair(scene: Scene, pair: PairLaw) -> dict[str, Any]:
-    """Numbers of a pair: its restitution, or the damping ratio sqrt(5/6) b of its dashpots, and its angle of friction."""
+    """Numbers of a pair: its restitution, or the ratio sqrt(5/6) b of its dashpots, and its angle of friction."""
     log = math.log(pair.restitution)
     ratio = math.sqrt(5 / 6) * -log / math.hypot(math.pi, log)
     damping = ratio if clipped(scene) else pair.restitution

@@ -1,6 +1,9 @@
-"""Walls in Yade: triangles, one for a plane.
+"""Walls in Yade: triangles, one for a plane, polygons for round walls.
 
-A wall that stays where it is while its surface moves (a belt, a drum that turns about its axis) has a velocity and a
+Each triangle has contacts of its own: a body that touches two of them at their common edge is pushed by both, and what
+a contact remembers does not pass to the next triangle.
+
+A wall that stays where it is while its surface moves (a belt, a drum that turns about its axis) has a velocity, and a
 mask that keeps the integrator from moving it.
 """
 
@@ -11,7 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dembench.scene import Box, Motion, Plane, Scene
+from dembench.engines.liggghts_round import polygon
+from dembench.scene import Box, Cylinder, Frustum, Mesh, Motion, Plane, Scene
 from dembench.scene.walls import WallShape, geometry_moves
 
 MOVES, STAYS = 1, 2
@@ -31,6 +35,7 @@ class Built:
         parts: Calls that make its bodies.
         velocity, spin, centre: Its motion [m/s, rad/s, m]; no spin where it does not turn.
         amplitude, rate: Of its oscillation [m, rad/s].
+        triangles: Triangles that stand in a file [m], shape (n, 3, 3).
     """
 
     name: str
@@ -59,49 +64,63 @@ def refused(scene: Scene) -> list[str]:
     """Walls that the adapter does not write, one line each."""
     faults = []
     for wall in scene.walls:
-        if not isinstance(wall, Plane | Box):
-            faults.append(f"wall {wall.name}: {wall.kind}")
-        elif (motion := wall.motion) is not None:
-            if not motion.surface and any(_turned(plane) for plane in _planes(wall)):
-                faults.append(f"motion of wall {wall.name}: a rotation, where the wall does not stay in its place")
-            elif any(scene.domain.periodic) and _mask(wall) == MOVES:
-                faults.append(f"motion of wall {wall.name}: a wall that moves in a periodic domain")
-            elif motion.surface and _shaken(motion):
-                faults.append(f"motion of wall {wall.name}: a surface that oscillates while the wall stays")
+        motion = wall.motion or Motion()
+        if not isinstance(wall, Plane | Box | Cylinder | Frustum | Mesh):
+            faults.append(f"wall {wall.name}: a signed distance on a grid")
+        elif any(motion.angular_velocity) and not motion.surface and _moves(wall):
+            faults.append(f"motion of wall {wall.name}: a rotation, where the wall does not stay in its place")
+        elif motion.surface and _shaken(motion):
+            faults.append(f"motion of wall {wall.name}: a surface that oscillates while the wall stays")
+        elif any(scene.domain.periodic) and (_moves(wall) or not isinstance(wall, Plane | Box)):
+            faults.append(f"wall {wall.name}: in a periodic domain, a plane that stays in its place is accepted")
     return faults
 
 
-def built(scene: Scene) -> list[Built]:
-    """Every wall of a scene as the script makes it."""
+def meshed(scene: Scene) -> list[str]:
+    """Names of the walls of more than one triangle for a face."""
+    return [wall.name for wall in scene.walls if not isinstance(wall, Plane | Box)]
+
+
+def built(scene: Scene, segments: int) -> list[Built]:
+    """Every wall of a scene as the script makes it, round ones with that many sides."""
     made = []
     for wall in scene.walls:
-        mask = _mask(wall)
-        parts = [_plane(plane, scene, mask) for plane in _planes(wall)]
+        mask = MOVES if wall.motion is None or _moves(wall) else STAYS
         motion = wall.motion or Motion()
-        turns = any(motion.angular_velocity)
-        shaken = _shaken(motion)
+        turns, shaken = any(motion.angular_velocity), _shaken(motion)
         made.append(
             Built(
                 wall.name,
                 wall.material,
                 mask,
-                parts,
+                [_plane(plane, scene, mask) for plane in _planes(wall)],
                 velocity=motion.velocity,
                 spin=motion.angular_velocity if turns else (),
                 centre=motion.centre if turns else (),
                 amplitude=motion.amplitude if shaken else (),
                 rate=2 * math.pi * motion.frequency if shaken else 0.0,
+                triangles=_triangles(wall, segments),
             )
         )
     return made
 
 
-def _mask(wall: WallShape) -> int:
-    motion = wall.motion
-    if motion is None:
-        return MOVES
-    moved = not motion.surface and any(geometry_moves(plane) for plane in _planes(wall))
-    return MOVES if moved else STAYS
+def _moves(wall: WallShape) -> bool:
+    """Whether a wall changes its place."""
+    return any(map(geometry_moves, _planes(wall) or [wall]))
+
+
+def _planes(wall: WallShape) -> list[Plane]:
+    if isinstance(wall, Plane):
+        return [wall]
+    return wall.planes() if isinstance(wall, Box) else []
+
+
+def _triangles(wall: WallShape, segments: int) -> np.ndarray:
+    """Triangles of a wall that is no plane [m], shape (n, 3, 3)."""
+    if isinstance(wall, Cylinder | Frustum):
+        return polygon(wall, segments)
+    return wall.triangulate() if isinstance(wall, Mesh) else np.empty((0, 3, 3))
 
 
 def _way(motion: Motion | None, duration: float) -> float:
@@ -113,20 +132,6 @@ def _way(motion: Motion | None, duration: float) -> float:
 
 def _shaken(motion: Motion) -> bool:
     return motion.frequency > 0 and any(motion.amplitude)
-
-
-def _turned(plane: Plane) -> bool:
-    """Whether a rotation takes a plane elsewhere."""
-    motion = plane.motion
-    if motion is None or not any(motion.angular_velocity):
-        return False
-    return geometry_moves(plane)
-
-
-def _planes(wall: WallShape) -> list[Plane]:
-    if isinstance(wall, Plane):
-        return [wall]
-    return wall.planes() if isinstance(wall, Box) else []
 
 
 def _plane(plane: Plane, scene: Scene, mask: int) -> str:
