@@ -1,6 +1,30 @@
 """Yade: a script of its own in Python, walls, and reading what it wrote.
 
-V. Smilauer et al., Yade documentation, 3rd ed. 2021, doi 10.5281/zenodo.5705394.
+V. Smilauer et al., Yade documentation, 3rd ed. 2021, doi 10.5281/zenodo.5705394. `Ip2_FrictMat_FrictMat_MindlinPhys` with
+restitution and angle of friction of each pair from match makers, `Law2_ScGeom_MindlinPhys_Mindlin`, and velocities of
+half a step, which the script brings to the steps (`yade_simulate.py.j2`).
+
+Deviations from the reference law, found in its sources, in two-body runs, and told by `law`:
+
+- The normal force is never below 0. The dashpots make up for it by the fit of Thornton et al. 2013, doi
+  10.1016/j.powtec.2012.08.012, also across the normal: e = .5 gives .500, .9 gives .8999, .98 gives .9724.
+- The shear force is what is remembered; it grows by its stiffness times the slip of a step. It is turned with the
+  contact, spin about the normal included.
+
+The scene's variant `no-tension` gets its own dashpots instead (.5503 for e = .5), as damping ratios.
+
+Chosen so that nothing else differs: `avoidGranularRatcheting=False`, which takes the slip at the point where the force
+acts, the radius less half the overlap; `hertzian=True`, without which the radius at a wall would be half the body's;
+triangles for planes (a `wall` has the radius less the whole overlap as lever).
+
+Among the named laws of the passport it is `thornton`, at a distance of .004; that to the scene's law is .24.
+
+Restitution of two equal spheres (e = .5, +-.5 m/s, dt = 1 us): .500017 for E = 1e7, .502119 for E = 1e9.
+
+A cell of the program is periodic along all axes: along those that are not periodic in the scene it is four times as
+long as the domain.
+
+Runs write no checkpoints: one that was interrupted begins anew.
 """
 
 from __future__ import annotations

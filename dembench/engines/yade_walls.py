@@ -57,7 +57,7 @@ class Built:
     @property
     def file(self) -> str | None:
         """Name of the file of its triangles, or None."""
-        return f"{self.name}.txt" if len(self.triangles) else None
+        return f"wall_{self.name}.txt" if len(self.triangles) else None
 
 
 def refused(scene: Scene) -> list[str]:

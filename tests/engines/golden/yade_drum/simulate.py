@@ -33,7 +33,7 @@ left = list(range(5))
 # ---- walls; what has mask 2 stays where it is, and its surface may move
 walls = {
     "drum": [
-        *(facet(corners, material="steel", mask=2) for corners in np.loadtxt("drum.txt").reshape(-1, 3, 3)),
+        *(facet(corners, material="steel", mask=2) for corners in np.loadtxt("wall_drum.txt").reshape(-1, 3, 3)),
     ],
 }
 for name in walls:
