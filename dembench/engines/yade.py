@@ -1,8 +1,10 @@
 """Yade: a script of its own in Python, walls, and reading what it wrote.
 
-V. Smilauer et al., Yade documentation, 3rd ed. 2021, doi 10.5281/zenodo.5705394. `Ip2_FrictMat_FrictMat_MindlinPhys` with
-restitution and angle of friction of each pair from match makers, `Law2_ScGeom_MindlinPhys_Mindlin`, and velocities of
-half a step, which the script brings to the steps (`yade_simulate.py.j2`).
+V. Smilauer et al., Yade documentation, 3rd ed. 2021, doi 10.5281/zenodo.5705394.
+
+`Ip2_FrictMat_FrictMat_MindlinPhys` with restitution and angle of friction of each pair from match makers,
+`Law2_ScGeom_MindlinPhys_Mindlin`, and velocities of half a step, which the script brings to the steps
+(`yade_simulate.py.j2`).
 
 Deviations from the reference law, found in its sources, in two-body runs, and told by `law`:
 

@@ -1,7 +1,8 @@
 """Walls in Yade: triangles, one for a plane, polygons for round walls.
 
 Each triangle has contacts of its own: a body that touches two of them at their common edge is pushed by both, and what
-a contact remembers does not pass to the next triangle.
+a contact remembers does not pass to the next triangle. A grain of 1.5 mm radius that hit a flat mesh at .5 m/s (e = .4)
+came back with .297 of its speed where it met the edge of two triangles, and with .400 from a quarter of its radius on.
 
 A wall that stays where it is while its surface moves (a belt, a drum that turns about its axis) has a velocity, and a
 mask that keeps the integrator from moving it.
