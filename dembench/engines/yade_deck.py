@@ -12,7 +12,7 @@ import numpy as np
 
 from dembench.engines.liggghts_output import every_of, observed_walls, steps_of
 from dembench.engines.liggghts_walls import materials_of
-from dembench.engines.yade_walls import STAYS, Built, built
+from dembench.engines.yade_walls import STAYS, Built, across, built
 from dembench.scene import HertzMindlin, PairLaw, Region, Scene, features
 
 IDS_PER_LINE = 1000
@@ -61,6 +61,7 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         "friction": features(scene).friction,
         "blocked": _blocked(scene),
         "periodic": [axis for axis in range(3) if scene.domain.periodic[axis]],
+        "across": across(scene),
         "cell": [repr(float(e if p else ROOM * e)) for e, p in zip(edges, scene.domain.periodic, strict=True)],
         "walls": walls,
         "surfaces": any(wall.mask == STAYS for wall in walls),

@@ -152,6 +152,10 @@ def test_the_triangle_of_a_plane_holds_all_of_it_in_the_domain() -> None:
         ({"walls": ({**FLOOR, "motion": {**SHAKEN, "surface": True}},)}, "motion of wall floor: a surface"),
         ({"domain": {"lower": (0, 0, 0), "upper": (0.008, 1, 1), "periodic": (True, False, False)}}, "0.008 m along x"),
         (
+            {"walls": (BOX,), "domain": {"lower": (-1,) * 3, "upper": (1,) * 3, "periodic": (True, False, False)}},
+            "wall box: in a periodic domain",
+        ),
+        (
             {"walls": (DRUM,), "domain": {"lower": (-1,) * 3, "upper": (1,) * 3, "periodic": (True, False, False)}},
             "wall drum: in a periodic domain",
         ),

@@ -224,3 +224,26 @@ def test_a_box_that_moves_takes_its_faces_along(tmp_path: Path) -> None:
     )
     last = run(installed("yade"), made, tmp_path).frames[-1]
     assert last.velocity[0] == pytest.approx([(1 + WALL_RESTITUTION) * 0.2, 0, 0], abs=2e-4)
+
+
+def test_a_layer_between_periodic_sides_rests_on_its_floor(tmp_path: Path) -> None:
+    """Sixteen grains that touch the floor from the start, some of them across a periodic face, move along it for more
+    than a period. The floor carries them: pressed in as Hertz says, they move up and down by no more."""
+    line = 0.004 * np.arange(4) + 0.0001
+    place = np.array([(x, y, 0.0015 - 2e-6) for x in line for y in line])
+    made = scene(
+        walls=(FLOOR,),
+        bodies={"position": place, "velocity": np.tile([1.0, -0.7, 0.0], (16, 1))},
+        domain={"lower": (0, 0, -0.002), "upper": (0.016, 0.016, 0.02), "periodic": (True, True, False)},
+        pair_laws=({"a": "steel", "b": "glass", "restitution": 0.4, "friction": 0},
+                   {"a": "glass", "b": "glass", "restitution": 0.5, "friction": 0}),
+        duration=0.03,
+        observables=({"kind": "wall-force", "name": "force", "wall": "floor", "interval": 0.01},),
+    )  # fmt: skip
+    frames = run(installed("yade"), made, tmp_path).frames
+    weight = float(made.masses().sum()) * 9.81
+    last = frames[-1]
+    assert last.wall_forces["floor"] == pytest.approx([0, 0, -weight], abs=1e-3 * weight)
+    assert np.abs(last.position[:, 2] - 0.0015).max() < 5e-6
+    way = (place[:, :2] + np.array([1.0, -0.7]) * made.duration) % 0.016
+    assert last.position[:, :2] == pytest.approx(way, abs=1e-9)

@@ -105,7 +105,7 @@ def look():
 # ---- the step
 O.engines = [
     ForceResetter(),
-    InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Facet_Aabb()], verletDist=0.00075, allowBiggerThanPeriod=True),
+    InsertionSortCollider([Bo1_Sphere_Aabb(), Bo1_Facet_Aabb()], verletDist=0.00075, allowBiggerThanPeriod=True, sortAxis=2),
     InteractionLoop(
         [Ig2_Sphere_Sphere_ScGeom(avoidGranularRatcheting=False), Ig2_Facet_Sphere_ScGeom(hertzian=True)],
         [Ip2_FrictMat_FrictMat_MindlinPhys(betan=betan, betas=betan, frictAngle=angle)],
