@@ -124,7 +124,8 @@ def built(scene: Scene, segments: int) -> list[Built]:
 
 def _moves(wall: WallShape) -> bool:
     """Whether a wall changes its place."""
-    return any(map(geometry_moves, _planes(wall) or [wall]))
+    planes = _planes(wall)
+    return any(map(geometry_moves, planes)) if planes else geometry_moves(wall)
 
 
 def _planes(wall: WallShape) -> list[Plane]:
