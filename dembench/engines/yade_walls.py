@@ -4,6 +4,8 @@ Each triangle has contacts of its own: a body that touches two of them at their 
 a contact remembers does not pass to the next triangle. A grain of 1.5 mm radius that hit a flat mesh at .5 m/s (e = .4)
 came back with .297 of its speed where it met the edge of two triangles, and with .400 from a quarter of its radius on.
 
+A ball of 5 mm that rolled in a trough of 5 cm and 71 sides from 60 degrees on turned at 57.4 on the far side.
+
 A wall that stays where it is while its surface moves (a belt, a drum that turns about its axis) has a velocity, and a
 mask that keeps the integrator from moving it.
 """
