@@ -13,6 +13,7 @@ BUILT_IN = {
     "liggghts": "dembench.engines.liggghts:Liggghts",
     "lammps": "dembench.engines.lammps:Lammps",
     "musen": "dembench.engines.musen:Musen",
+    "yade": "dembench.engines.yade:Yade",
 }
 GROUP = "dembench.engines"
 EXPLICIT = "peclet-hertz"

@@ -231,6 +231,9 @@ def damping_ratio(restitution: np.ndarray) -> np.ndarray:
 
 @cache
 def thornton_damping(e: float) -> float:
-    """Damping ratio that gives a restitution where tension is clipped, by the fit of Thornton et al. 2013."""
+    """Damping ratio that gives a restitution where tension is clipped, by the fit of Thornton et al. 2013.
+
+    Their dashpot is 2 b sqrt(S_n m*); the ratio is that of the named laws, whose is 2 sqrt(5/6) b sqrt(S_n m*).
+    """
     a = e * sum(h * e**k for k, h in enumerate(THORNTON))
-    return float(np.sqrt(1 / (1 - (1 + e) ** 2 * np.exp(a)) - 1))
+    return float(np.sqrt(1.2 * (1 / (1 - (1 + e) ** 2 * np.exp(a)) - 1)))

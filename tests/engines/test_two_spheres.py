@@ -16,6 +16,8 @@ IMPULSE = {"peclet"}
 """Engines with implicit contacts: a symplectic step of first order, and a restitution with a tolerance of its own."""
 FIRST_ORDER = {*IMPULSE, "musen"}
 """Engines whose free fall is off by g t dt at most."""
+THORNTON = {"yade"}
+"""Engines that clip the tension and take their damping from Thornton's fit, which is off by up to 3e-4, instead."""
 
 
 def restitution_error(name: str, overrides: dict[str, str]) -> float:
@@ -79,6 +81,7 @@ def test_two_spheres_rebound(
     )
     precision = engine.settings(made, "closed", overrides).precision()
     tolerance = restitution_error(name, overrides) if name in IMPULSE else 1e-6 if precision == "float64" else 1e-4
+    tolerance = 6e-4 if name in THORNTON else tolerance
     last = run(engine, made, tmp_path, **overrides).frames[-1]
     measured = (last.velocity[1, 0] - last.velocity[0, 0]) / 1.0
     assert measured == pytest.approx(restitution, abs=tolerance)

@@ -1,0 +1,140 @@
+"""The deck of Yade: everything that the script's template needs, and the initial state beside it."""
+
+from __future__ import annotations
+
+import math
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from dembench.engines.liggghts_output import every_of, observed_walls, steps_of
+from dembench.engines.liggghts_walls import materials_of
+from dembench.engines.yade_walls import STAYS, Built, across, built
+from dembench.scene import HertzMindlin, PairLaw, Region, Scene, features
+
+IDS_PER_LINE = 1000
+ROOM = 4.0
+"""Length of the periodic cell along an axis that is not periodic, in lengths of the domain: no image is met there."""
+BLOCKED = {"fixed": "xyzXYZ", "kinematic": "xyzXYZ", "rotation-locked": "XYZ"}
+"""What the program leaves as it is, by the kind of the constraint."""
+
+
+def deck(scene: Scene, settings: Any, command: str) -> str:
+    """The script of a run.
+
+    Args:
+        scene: The scene.
+        settings: YadeSettings of the run.
+        command: Command line of the run, for the reader of the script.
+    """
+    template = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True).from_string(
+        files("dembench.engines").joinpath("yade_simulate.py.j2").read_text()
+    )
+    return template.render(_values(scene, settings), command=command)
+
+
+def clipped(scene: Scene) -> bool:
+    """Whether the scene's own law clips the tension: then the program is given its dashpots, else the restitution."""
+    return isinstance(scene.law, HertzMindlin) and scene.law.variant == "no-tension"
+
+
+def _values(scene: Scene, settings: Any) -> dict[str, Any]:
+    walls = built(scene, settings.segments)
+    steps = steps_of(np.array([scene.duration]), settings.dt)[0]
+    frames, tracks = (steps_of(times, settings.dt) for times in (scene.frame_times(), scene.track_times()))
+    tracked = list(scene.tracked_bodies())
+    edges = np.subtract(scene.domain.upper, scene.domain.lower)
+    if not tracked:
+        tracks = []
+    return {
+        "scene": scene,
+        "count": len(scene.bodies),
+        "dt": settings.dt,
+        "steps": steps,
+        "skin": settings.skin,
+        "materials": materials_of(scene),
+        "damping": "betan" if clipped(scene) else "en",
+        "pairs": [_pair(scene, pair) for pair in _pairs(scene)],
+        "friction": features(scene).friction,
+        "blocked": _blocked(scene),
+        "periodic": [axis for axis in range(3) if scene.domain.periodic[axis]],
+        "across": across(scene),
+        "cell": [repr(float(e if p else ROOM * e)) for e, p in zip(edges, scene.domain.periodic, strict=True)],
+        "walls": walls,
+        "surfaces": any(wall.mask == STAYS for wall in walls),
+        "shaken": [wall for wall in walls if wall.amplitude],
+        "observed": observed_walls(scene),
+        "sinks": [_within(sink.region) for sink in scene.sinks],
+        "removal": max(1, round(settings.sink_interval / settings.dt)),
+        "frames": schedule(frames),
+        "tracks": schedule(tracks),
+        "tracked": tracked,
+        "every": every_of(sorted({*frames, *tracks}), steps),
+    }
+
+
+def schedule(steps: list[int]) -> str:
+    """Steps as a Python expression: a range where they are evenly spaced."""
+    gaps = set(np.diff(steps).tolist())
+    if len(gaps) == 1:
+        return repr(range(steps[0], steps[-1] + 1, gaps.pop()))
+    return "{" + ", ".join(map(str, steps)) + "}" if steps else "()"
+
+
+def _pairs(scene: Scene) -> list[PairLaw]:
+    names = {m.name for m in materials_of(scene)}
+    return [pair for pair in scene.pair_laws if {pair.a, pair.b} <= names]
+
+
+def _pair(scene: Scene, pair: PairLaw) -> dict[str, Any]:
+    """Numbers of a pair: its restitution, or the ratio sqrt(5/6) b of its dashpots, and its angle of friction."""
+    log = math.log(pair.restitution)
+    ratio = math.sqrt(5 / 6) * -log / math.hypot(math.pi, log)
+    damping = ratio if clipped(scene) else pair.restitution
+    return {"a": pair.a, "b": pair.b, "damping": repr(damping), "angle": repr(math.atan(pair.friction))}
+
+
+def _blocked(scene: Scene) -> list[tuple[str, list[int]]]:
+    """Axes that are blocked and the bodies, in short lines."""
+    kinds: dict[int, set[str]] = {}
+    for constraint in scene.constraints:
+        for body in constraint.bodies:
+            kinds.setdefault(body, set()).update(BLOCKED[constraint.kind])
+    found = []
+    for axes in ("xyzXYZ", "XYZ"):
+        bodies = sorted(body for body, blocked in kinds.items() if blocked == set(axes))
+        found += [(axes, bodies[k : k + IDS_PER_LINE]) for k in range(0, len(bodies), IDS_PER_LINE)]
+    return found
+
+
+def _within(region: Region) -> str:
+    """Whether x, y, z lie in a region, as a Python expression."""
+    terms = [
+        f"{bound!r} <= {axis}" if side == 0 else f"{axis} <= {bound!r}"
+        for side, bounds in enumerate((region.lower, region.upper))
+        for axis, bound in zip("xyz", bounds, strict=True)
+        if bound is not None
+    ]
+    return f"({' and '.join(terms) or 'True'})"
+
+
+def write_bodies(scene: Scene, path: Path) -> None:
+    """The initial state of a scene, every number to its last bit; fixed bodies do not move."""
+    bodies = scene.bodies
+    fixed = [b for c in scene.constraints if c.kind == "fixed" for b in c.bodies]
+    still = np.isin(np.arange(len(bodies)), fixed)[:, None]
+    names = [m.name for m in materials_of(scene)]
+    kinds = np.array([names.index(s.material) for s in scene.species])[bodies.species]
+    motion = np.column_stack([bodies.velocity, bodies.angular_velocity])
+    table = np.column_stack([kinds, scene.radii(), bodies.position, np.where(still, 0, motion)])
+    np.savetxt(path, table, fmt="%d" + 10 * " %.17g", header="material radius x y z vx vy vz wx wy wz")
+
+
+def write_triangles(walls: list[Built], directory: Path) -> None:
+    """Triangles of walls, nine coordinates in a line."""
+    for wall in walls:
+        if wall.file:
+            np.savetxt(directory / wall.file, wall.triangles.reshape(-1, 9), fmt="%.17g")

@@ -1,0 +1,76 @@
+"""What a Yade run writes: frames as arrays of NumPy, the tracks as one binary file, and notes about its progress."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dembench.engines.base import FRAMES, Frame, FrameFiles, Timing, Tracks
+from dembench.engines.liggghts_output import in_sink, observed_walls, steps_of
+from dembench.scene import Scene
+
+DECK, TRACKS, NOTES = "simulate.py", "tracks.bin", "progress.txt"
+
+
+def read_frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:
+    """The frames of a scene that are completely written so far: files get their names when they are complete."""
+    known = []
+    for step, time in zip(steps_of(scene.frame_times(), dt), scene.frame_times(), strict=True):
+        path = directory / FRAMES / f"{step}.npz"
+        if not path.exists():
+            break
+        known.append((step, float(time), path))
+    return FrameFiles(known, partial(_load_frame, scene))
+
+
+def _load_frame(scene: Scene, step: int, time: float, path: Path) -> Frame:
+    with np.load(path) as file:
+        body, state = file["body"].astype(np.intp), file["state"]
+        forces = file["forces"] if "forces" in file else np.empty((0, 3))
+    left = ~in_sink(scene, state[:, :3])
+    body, state = body[left], state[left]
+    by_wall = dict(zip(observed_walls(scene), forces, strict=True))
+    return Frame(step, time, body, state[:, :3], state[:, 3:6], state[:, 6:], by_wall)
+
+
+def read_tracks(scene: Scene, dt: float, directory: Path) -> tuple[Tracks | None, str]:
+    """The tracks written so far, None where the scene tracks no body; and which tracked body is gone, if one is."""
+    bodies = scene.tracked_bodies()
+    if not bodies:
+        return None, ""
+    path, width = directory / TRACKS, 1 + 6 * len(bodies)
+    data = path.read_bytes() if path.exists() else b""
+    rows = np.frombuffer(data, "<f8", len(data) // (8 * width) * width).reshape(-1, width)
+    values = rows[:, 1:].reshape(-1, len(bodies), 2, 3)
+    position = values[:, :, 0]
+    gone = np.isnan(position).all(axis=2) | in_sink(scene, position.reshape(-1, 3)).reshape(position.shape[:2])
+    first = int(np.argmax(gone.any(axis=1))) if gone.any() else len(rows)
+    times = scene.track_times()[:first]
+    tracks = Tracks(rows[:first, 0].astype(np.int64), times, position[:first], values[:first, :, 1])
+    if first == len(rows):
+        return tracks, ""
+    return tracks, f"tracked body {bodies[int(np.argmax(gone[first]))]} is gone by t = {scene.track_times()[first]:g} s"
+
+
+def last_step(notes: str) -> int:
+    """The last step that the notes tell of."""
+    return max((int(step) for step in re.findall(r"^step (\d+)$", notes, re.M)), default=0)
+
+
+def failure_in(notes: str) -> tuple[str | None, str]:
+    """Reason (one of `FAILURES`) and detail of a failure that the notes tell of, or (None, "")."""
+    if found := re.search(r"^ERROR ([a-z ]+): (.*)$", notes, re.M):
+        return found[1], found[2]
+    return None, ""
+
+
+def timing_in(notes: str) -> Timing | None:
+    """Where the time went, by the script's own clock; None where the run has not ended."""
+    found = re.search(r"^set-up (\S+) loop (\S+) output (\S+) cpu (\S+)$", notes, re.M)
+    if found is None:
+        return None
+    set_up, loop, output, cpu = map(float, found.groups())
+    return Timing(set_up=set_up, loop=loop, output=output, loop_cpu=cpu, source="engine")
