@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dembench.scene import Bodies, Domain, HertzMindlin, Material, PairLaw, Plane, Scene, Species
+from dembench.scene import Bodies, Box, Domain, HertzMindlin, Material, PairLaw, Plane, Scene, Species
 
 RADIUS, DENSITY, YOUNG, POISSON = 1e-3, 2500.0, 1e7, 0.2
 FLOOR = Plane(name="floor", material="grain", point=(0, 0, 0), normal=(0, 0, 1))
@@ -71,3 +71,20 @@ def resting_overlap(scene: Scene) -> float:
     """Overlap [m] of the first grain at rest on a plane under its own weight."""
     weight = float(scene.masses()[0]) * float(np.linalg.norm(scene.gravity))
     return (weight / hertz(scene, 1.0, float(scene.radii()[0]))) ** (2 / 3)
+
+
+def crowd(n: int = 1728, **changes: Any) -> Scene:
+    """Grains close together in a box, with a ball of five radii among them."""
+    position, velocity, spin = gas(n, speed=0.5, spacing=2.02)
+    low, high = position.min(axis=0) - RADIUS, position.max(axis=0) + RADIUS
+    centre = (low + high) / 2
+    far = np.linalg.norm(position - centre, axis=1) > 6.1 * RADIUS
+    return grains(
+        [*position[far], centre],
+        [*velocity[far], np.zeros(3)],
+        [*spin[far], np.zeros(3)],
+        radius=(RADIUS, 5 * RADIUS),
+        species=[*np.zeros(far.sum(), int), 1],
+        walls=(Box(name="box", material="grain", lower=tuple(low), upper=tuple(high)),),
+        **changes,
+    )

@@ -4,29 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from grains import RADIUS, gas, grains
+from grains import RADIUS, crowd, grains
 
-from dembench.scene import Box, Scene
+from dembench.scene import Scene
 from dembench.solver import Simulation
 from dembench.solver.impulse import stepper
 from dembench.solver.impulse.row_lanes import BLOCKS
 from dembench.solver.lanes import LANES
-
-
-def crowd(n: int = 1728) -> Scene:
-    """Grains close together in a box, with a ball of five radii among them."""
-    position, velocity, spin = gas(n, speed=0.5, spacing=2.02)
-    low, high = position.min(axis=0) - RADIUS, position.max(axis=0) + RADIUS
-    centre = (low + high) / 2
-    far = np.linalg.norm(position - centre, axis=1) > 6.1 * RADIUS
-    return grains(
-        [*position[far], centre],
-        [*velocity[far], np.zeros(3)],
-        [*spin[far], np.zeros(3)],
-        radius=(RADIUS, 5 * RADIUS),
-        species=[*np.zeros(far.sum(), int), 1],
-        walls=(Box(name="box", material="grain", lower=tuple(low), upper=tuple(high)),),
-    )
 
 
 def pairs(n: int = 50) -> Scene:

@@ -7,36 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from grains import RADIUS, gas, grains
+from grains import crowd
 
-from dembench.scene import Box, Scene
 from dembench.solver import Simulation
 from dembench.solver.impulse.compliant_stepper import CompliantImpulses
 from dembench.solver.lanes import LANES
 from dembench.solver.workspace import Workspace
 
 
-def bed(n: int = 1728) -> Scene:
-    """A crowd in a box with a ball of five radii in it."""
-    position, velocity, spin = gas(n, speed=0.5, spacing=2.02)
-    low, high = position.min(axis=0) - RADIUS, position.max(axis=0) + RADIUS
-    centre = (low + high) / 2
-    far = np.linalg.norm(position - centre, axis=1) > 6.1 * RADIUS
-    box = Box(name="box", material="grain", lower=tuple(low), upper=tuple(high))
-    return grains(
-        [*position[far], centre],
-        [*velocity[far], np.zeros(3)],
-        [*spin[far], np.zeros(3)],
-        radius=(RADIUS, 5 * RADIUS),
-        species=[*np.zeros(far.sum(), int), 1],
-        walls=(box,),
-        young=1e7,
-    )
-
-
 @pytest.mark.parametrize("threads", [1, 2])
 def test_rows_of_a_block_share_no_body_and_every_near_pair_has_one(threads: int) -> None:
-    simulation = Simulation(bed(), 2e-5, method="impulse", rows="compliant", threads=threads)
+    simulation = Simulation(crowd(young=1e7), 2e-5, method="impulse", rows="compliant", threads=threads)
     simulation.step(20)
     stepper = simulation._stepper
     assert isinstance(stepper, CompliantImpulses)
@@ -73,7 +54,7 @@ def test_rows_of_a_block_share_no_body_and_every_near_pair_has_one(threads: int)
 
 def test_constants_that_all_pairs_share_stand_once() -> None:
     """Rows with constants of their own give the same bits and contacts; at walls and at the ball both have them."""
-    shared, own = (Simulation(bed(), 2e-5, method="impulse", force=force) for force in ((), ("pair_table",)))
+    shared, own = (Simulation(crowd(young=1e7), 2e-5, method="impulse", force=force) for force in ((), ("pair_table",)))
     for simulation in (shared, own):
         simulation.step(20)
     assert np.array_equal(shared.position, own.position)
@@ -99,7 +80,7 @@ def test_what_the_memory_of_rows_held_before_changes_nothing(threads: int, monke
 
     for kind in (arrays, spoilt):
         monkeypatch.setattr(Workspace, "arrays", kind)
-        simulation = Simulation(bed(), 2e-5, method="impulse", rows="compliant", threads=threads)
+        simulation = Simulation(crowd(young=1e7), 2e-5, method="impulse", rows="compliant", threads=threads)
         simulation.step(60)
         assert simulation.counters()["list rebuilds"] > 2
         ends.append((simulation.position, simulation.velocity, simulation.angular_velocity))
