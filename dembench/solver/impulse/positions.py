@@ -26,7 +26,7 @@ CLOSE = 1e-6
 def position_functions(o: ImpulseOptions) -> Any:
     """Warp functions (begin, sweep, end).
 
-    begin(bodies, rows, pairs, total) takes differences of positions; `pairs` is the number of rows of small pairs.
+    begin(bodies, rows, count, total) takes the differences of positions of all pairs of bodies.
     sweep(bodies, lists, rows, blocks, rest, ..., reverse) visits every row and returns the largest overlap.
     end(bodies, rows, total) moves the bodies.
     """
@@ -54,9 +54,10 @@ def position_functions(o: ImpulseOptions) -> Any:
         return out
 
     @wp.func
-    def begin(b: Bodies, rows: Rows, pairs: int, total: int):
-        for r in range(pairs):
-            rows.apart[r] = difference(b, rows.i[r], rows.j[r])
+    def begin(b: Bodies, rows: Rows, count: int, total: int):
+        for r in range(count):
+            if rows.j[r] < total:
+                rows.apart[r] = difference(b, rows.i[r], rows.j[r])
         for i in range(total):
             rows.shift[i] = vec4(real(0.0), real(0.0), real(0.0), b.inv_m[i])
 
@@ -72,7 +73,7 @@ def position_functions(o: ImpulseOptions) -> Any:
         overlap, mass = real(0.0), si[3]
         n, sj = vec3(), vec4()
         if j < total:
-            e = difference(b, i, j)
+            e = rows.apart[r]
             sj = rows.shift[j]
             d = vec3(e[0] + si[0] - sj[0], e[1] + si[1] - sj[1], e[2] + si[2] - sj[2])
             overlap = e[3] - wp.length(d)

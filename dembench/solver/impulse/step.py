@@ -257,7 +257,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                     check += drift(b, i, rows, dt)
                 if wp.static(timed):
                     place(walls, 0, now + dt, now + dt)
-                part(b, rows, first_big, total)
+                part(b, rows, counted, total)
                 left = real(wp.inf)
                 passes = int(0)
                 while left > limits.slop and passes < limits.position_sweeps:
