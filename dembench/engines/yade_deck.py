@@ -10,8 +10,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from dembench.engines.liggghts_output import every_of, observed_walls, steps_of
-from dembench.engines.liggghts_walls import materials_of
+from dembench.engines.scene_queries import every_of, materials_of, observed_walls, steps_of
 from dembench.engines.yade_walls import STAYS, Built, across, built
 from dembench.scene import HertzMindlin, PairLaw, Region, Scene, features
 

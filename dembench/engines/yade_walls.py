@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dembench.engines.liggghts_round import axis_of, polygon
+from dembench.engines.round_walls import axis_of, polygon
 from dembench.scene import Box, Cylinder, Frustum, Mesh, Motion, Plane, Scene
 from dembench.scene.walls import WallShape, geometry_moves
 
