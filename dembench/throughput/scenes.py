@@ -38,9 +38,11 @@ TILES = {"1k": (1, 2), "5k": (2, 5), "25k": (5, 10), "100k": (10, 20), "500k": (
 """Tiles of 500 grains along both edges of the bed by its size."""
 SERIES = "scaling"
 """Name that stands for the bed in all its sizes."""
-WIDE, RATIOS, WIDE_TILES = "wide", (1, 10, 100), (20, 20)
+WIDE, RATIOS, WIDE_TILES = "wide", (1, 10, 100), (22, 22)
 """Name that stands for a bed with balls of these sizes over that of its grains, where 1 is the bed alone; its tiles
 along both edges, more than 100 grain diameters."""
+WIDE_SPEED = 1.0
+"""Speed at which these balls are set down [m/s]: what is timed is the search for neighbours, not an impact."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +172,7 @@ def _wide(ratio: int, initial: Path | None, progress: Progress | None) -> Scene:
     middle = 0.5 * np.array(bed.domain.upper[:2])
     height = _above(grains, radius + RADIUS, middle)
     motion = np.zeros((len(grains) + 1, 3))
-    motion[-1, 2] = -BALL_SPEED
+    motion[-1, 2] = -WIDE_SPEED
     bodies = Bodies(
         position=np.vstack([grains, [*middle, height]]),
         velocity=motion,
