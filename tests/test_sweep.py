@@ -13,6 +13,7 @@ from dembench.cases.registry import parse_case
 from dembench.cli import app
 from dembench.runs.plan import SceneChoice
 from dembench.scene import HertzMindlin, LinearSpring, save_scene
+from dembench.share import share
 from dembench.verification.precision import advice, problems, store
 from dembench.verification.precision.levels import measured_order
 from dembench.verification.precision.targets import Target
@@ -157,3 +158,17 @@ def test_a_usage_error_is_one_message_and_code_2(fault, tmp_path) -> None:
     code, _, error = call("sweep", *arguments, "--engines", "peclet-hertz", "--out", tmp_path / "out")
     assert code == 2 and message in error
     assert not (tmp_path / "out").exists()
+
+
+def test_sweeps_ship_and_advise_where_none_was_made(tmp_path) -> None:
+    """Each has both engines of this package and LIGGGHTS, and names no place of the machine that it was made on."""
+    path = share("data", "advice")
+    known = store.find(path)
+    assert {sweep.target for _, sweep in known} >= {"hertz_bounce", "damped_bounce", "sliding_ball"}
+    for at, sweep in known:
+        assert {"peclet", "peclet-hertz", "liggghts"} <= {point.engine for point in sweep.points}
+        assert "--out" not in sweep.command and "/tmp" not in at.read_text()
+    code, text, error = call("advise", "case3", "--sweeps", tmp_path / "none", "--json")
+    assert code == 0, error
+    reached = {row["variant"]: row["setting"] for row in json.loads(text)["rows"] if row["level"] == "band"}
+    assert reached["peclet"] and reached["liggghts"]

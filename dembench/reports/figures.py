@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import math
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -32,6 +33,8 @@ LEAST_RANGE = 1e-6
 """Range of a vertical axis, relative to its values, below which they are taken for equal."""
 WIDEST, THINNEST = 3.2, 1.2
 """Largest and smallest width of a line [pt]: earlier lines are wider, so that all stay visible where they coincide."""
+CHARACTERS_PER_INCH, LABEL_CHARACTERS = 14, 26
+"""Titles of panels are broken where they would be wider than the panel, labels of axes where they would be higher."""
 FEW_POINTS = 12
 _ROUND_STEPS = (1, 2, 2.5, 5, 10)
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -195,9 +198,9 @@ def _fill(ax: Axes, panel: Panel, width: float, log_x: bool) -> None:
     else:
         bins = 10 if width == WIDE else 6 if width >= NARROW else 4
         ax.xaxis.set_major_locator(MaxNLocator(nbins=bins, steps=_ROUND_STEPS, integer=_counts(panel)))
-    ax.set_ylabel(panel.label)
+    ax.set_ylabel(textwrap.fill(panel.label, LABEL_CHARACTERS))
     if panel.title:
-        ax.set_title(panel.title)
+        ax.set_title(textwrap.fill(panel.title, int(CHARACTERS_PER_INCH * width)))
     if panel.equal:
         ax.set_aspect("equal", adjustable="datalim")
 
