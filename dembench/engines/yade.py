@@ -53,10 +53,11 @@ from dembench.engines.base import (
     Timing,
     order_of_contacts,
 )
+from dembench.engines.flat_walls import meshed
 from dembench.engines.liggghts_round import FEWEST_SIDES, sides_for
 from dembench.engines.yade_deck import clipped, deck, write_bodies, write_triangles
 from dembench.engines.yade_output import DECK, NOTES, failure_in, last_step, read_frames, read_tracks, timing_in
-from dembench.engines.yade_walls import built, meshed, refused
+from dembench.engines.yade_walls import built, refused
 from dembench.scene import HertzMindlin, Scene, features
 from dembench.scene.base import Positive
 

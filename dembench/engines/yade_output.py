@@ -74,3 +74,9 @@ def timing_in(notes: str) -> Timing | None:
         return None
     set_up, loop, output, cpu = map(float, found.groups())
     return Timing(set_up=set_up, loop=loop, output=output, loop_cpu=cpu, source="engine")
+
+
+def counters_in(notes: str) -> dict[str, float]:
+    """The script's own figures: how often it sought neighbours."""
+    found = re.search(r"^searches (\d+)$", notes, re.M)
+    return {"neighbour searches": float(found[1])} if found else {}

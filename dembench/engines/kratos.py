@@ -1,0 +1,168 @@
+"""Kratos DEM."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from dembench.engines.base import (
+    FRAMES,
+    Division,
+    Engine,
+    EngineSettings,
+    Phase,
+    Probe,
+    Series,
+    Timing,
+    order_of_contacts,
+)
+from dembench.engines.flat_walls import meshed
+from dembench.engines.kratos_deck import write_deck
+from dembench.engines.kratos_walls import refused
+from dembench.engines.liggghts_round import FEWEST_SIDES, sides_for
+from dembench.engines.yade_deck import clipped
+from dembench.engines.yade_output import DECK, NOTES, counters_in, failure_in, last_step, read_frames, read_tracks, timing_in
+from dembench.scene import HertzMindlin, Scene, features
+from dembench.scene.base import Positive
+
+INSTALL = "pip install 'dembench[kratos]', or name an interpreter that has KratosDEMApplication: DEMBENCH_KRATOS=PYTHON"
+PARTICLE_STEPS_PER_SECOND = 1e5
+"""Throughput of one thread on which run-time estimates are based."""
+LEAST, MOST = 1e-3, 0.999
+"""Bounds of the restitution in the program; above them it has no dashpots."""
+ASKED = """
+import json
+from importlib import metadata
+import numpy
+found = metadata.distribution("KratosDEMApplication")
+core = [str(found.locate_file(f)) for f in found.files or () if "KratosDEMCore" in f.name]
+print(json.dumps([found.version, metadata.version("KratosMultiphysics"), core[:1]]))
+"""
+"""What an interpreter is asked: the versions of the program and the file of its library."""
+
+
+class KratosSettings(EngineSettings):
+    """Settings of a Kratos run.
+
+    Attributes:
+        threads: OpenMP threads.
+        skin: Distance within which bodies are neighbours; they are sought anew before one may have come by it [m].
+        segments: Sides of round walls, which are polygons.
+        sink_interval: Simulated time between two removals of the bodies in sinks [s].
+    """
+
+    threads: Annotated[int, Field(ge=1)] = 1
+    skin: Positive
+    segments: Annotated[int, Field(ge=FEWEST_SIDES)]
+    sink_interval: Positive = 5e-3
+
+    def cores(self) -> int:
+        """See `EngineSettings.cores`."""
+        return self.threads
+
+
+class Kratos(Engine):
+    """Kratos DEM."""
+
+    name: ClassVar[str] = "kratos"
+    title: ClassVar[str] = "Kratos DEM: soft-sphere, double precision, threads"
+    colour: ClassVar[str] = "#a05a2c"
+    settings_type: ClassVar[type[EngineSettings]] = KratosSettings
+    cores_setting: ClassVar[str | None] = "threads"
+
+    def probe(self) -> Probe:
+        """See `Engine.probe`. The interpreter is that of DEMBENCH_KRATOS, or this one where it has the program."""
+        wanted = os.environ.get("DEMBENCH_KRATOS")
+        if wanted is None and find_spec("KratosMultiphysics") is None:
+            return Probe(available=False, reason="no module 'KratosMultiphysics' was found", install=INSTALL)
+        path = shutil.which(wanted or sys.executable)
+        if path is None:
+            return Probe(available=False, reason=f"no interpreter '{wanted}' was found", install=INSTALL)
+        try:
+            said = subprocess.run((path, "-c", ASKED), capture_output=True, text=True, timeout=60, check=False)
+            version, core, library = json.loads(said.stdout)
+            digest = {"sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in library}
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return Probe(available=False, path=path, reason=f"{path} does not start: {error}", install=INSTALL)
+        except ValueError:
+            last = (said.stderr.strip().splitlines() or ["it said nothing"])[-1]
+            return Probe(available=False, path=path, reason=f"{path} has no KratosDEMApplication: {last}", install=INSTALL)
+        return Probe(available=True, version=version, path=path, facts={"KratosMultiphysics": core, **digest})
+
+    def unsupported(self, scene: Scene) -> list[str]:
+        """See `Engine.unsupported`."""
+        law = scene.law
+        if not len(scene.bodies):
+            return ["a scene without bodies"]
+        faults: list[str] = []
+        if not isinstance(law, HertzMindlin):
+            faults.append(f"contact law {law.kind}")
+        for pair in scene.pair_laws:
+            if not (LEAST <= pair.restitution <= MOST or pair.restitution == 1):
+                faults.append(
+                    f"restitution {pair.restitution:g} of {pair.a}-{pair.b}: accepted are {LEAST} to {MOST} and 1"
+                )
+        present = features(scene)
+        faults += ["rolling friction"] * present.rolling_friction
+        faults += ["particles that are no spheres"] * present.shapes
+        return [*faults, *refused(scene)]
+
+    def law(self, scene: Scene, settings: KratosSettings) -> str:
+        """See `Engine.law`; elastic contacts without friction are those of every variant of the scene's law."""
+        own = []
+        if not clipped(scene) and any(pair.restitution < 1 for pair in scene.pair_laws):
+            own.append("tension clipped and damping by Thornton's fit")
+        if features(scene).tangential_history:
+            own.append("the shear force remembered instead of its way, less in unloading; friction bounds its sum with its dashpot")
+        if names := meshed(scene):
+            own.append(f"{', '.join(names)} of triangles")
+        return "; ".join(own)
+
+    def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:
+        """See `Engine.defaults`: in the open division a tenth of the Rayleigh time."""
+        step = scene.closed_step() if division == "closed" else scene.fitted_step(0.1 * scene.rayleigh_time())
+        skin = float(f"{0.2 * scene.extreme_radii()[0]:.6g}")
+        return {"dt": step, "skin": skin, "segments": sides_for(scene)}
+
+    # ---- writing
+
+    def write(self, scene: Scene, settings: KratosSettings, directory: Path) -> list[Phase]:
+        """See `Engine.write`: simulate.py, the model's parts, materials, parameters, an empty directory for frames."""
+        (directory / FRAMES).mkdir(exist_ok=True)
+        wanted = os.environ.get("DEMBENCH_KRATOS", sys.executable)
+        write_deck(scene, settings, f"OMP_NUM_THREADS={settings.threads} python {DECK}", directory)
+        command = (shutil.which(wanted) or wanted, DECK)
+        return [Phase(name="simulate", command=command, environment={"OMP_NUM_THREADS": str(settings.threads)})]
+
+    # ---- reading
+
+    def read(self, scene: Scene, settings: KratosSettings, directory: Path) -> Series:
+        """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
+        frames = read_frames(scene, settings.dt, directory)
+        tracks, gone = read_tracks(scene, settings.dt, directory)
+        path = directory / NOTES
+        notes = path.read_text(errors="replace") if path.exists() else ""
+        failure, detail = ("lost particles", gone) if gone else failure_in(notes)
+        timing = timing_in(notes)
+        if failure is None and timing and len(frames) < len(scene.frame_times()):
+            failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
+        time = last_step(notes) * settings.dt
+        return Series(frames, tracks, timing or Timing(), time, failure, detail, counters_in(notes))
+
+    def order(self, scene: Scene, settings: KratosSettings) -> float:
+        """See `Engine.order`."""
+        return order_of_contacts(scene, lagging=True)
+
+    def estimate(self, scene: Scene, settings: KratosSettings) -> float:
+        """See `Engine.estimate`."""
+        steps = scene.duration / settings.dt
+        return 3 + steps * len(scene.bodies) / PARTICLE_STEPS_PER_SECOND / settings.threads
