@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from dembench.engines.liggghts_round import axis_of
+from dembench.engines.round_walls import axis_of
 from dembench.scene import Box, Motion, Plane, Scene
 from dembench.scene.walls import WallShape, geometry_moves
 

@@ -23,7 +23,8 @@ import numpy as np
 import dembench
 from dembench.engines import in_tree_checkpoints as checkpoints
 from dembench.engines.base import FRAMES, Checkpoint, Engine, Frame, FrameFiles, Phase, Probe, Series, Timing, Tracks
-from dembench.scene import FORCEABLE, Scene, WallForce, features, save_scene
+from dembench.engines.scene_queries import observed_walls
+from dembench.scene import FORCEABLE, Scene, features, save_scene
 
 TRACKS, CLOCK, TIMING, FAILURE = "tracks.bin", "clock.bin", "timing.json", "failure.json"
 CLOCK_COLUMNS = 3
@@ -118,11 +119,6 @@ def _phase(*start: str) -> Phase:
 
 
 # ---- frames
-
-
-def observed_walls(scene: Scene) -> list[str]:
-    """Names of the walls whose force is observed, each once."""
-    return list(dict.fromkeys(o.wall for o in scene.observables if isinstance(o, WallForce)))
 
 
 def forces_of(frame: Path) -> Path:

@@ -28,8 +28,8 @@ from dembench.engines.in_tree import (
     TIMING,
     TRACKS,
     forces_of,
-    observed_walls,
 )
+from dembench.engines.scene_queries import observed_walls
 from dembench.scene import Scene, load_scene
 
 CHECKPOINT_SHARE = 0.01

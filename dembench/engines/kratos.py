@@ -28,10 +28,19 @@ from dembench.engines.base import (
 from dembench.engines.flat_walls import meshed
 from dembench.engines.kratos_deck import write_deck
 from dembench.engines.kratos_walls import refused
-from dembench.engines.liggghts_round import FEWEST_SIDES, sides_for
-from dembench.engines.yade_deck import clipped
-from dembench.engines.yade_output import DECK, NOTES, counters_in, failure_in, last_step, read_frames, read_tracks, timing_in
-from dembench.scene import HertzMindlin, Scene, features
+from dembench.engines.round_walls import FEWEST_SIDES, sides_for
+from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
+from dembench.engines.script_runs import (
+    DECK,
+    NOTES,
+    counters_in,
+    failure_in,
+    last_step,
+    read_frames,
+    read_tracks,
+    timing_in,
+)
+from dembench.scene import Scene, features
 from dembench.scene.base import Positive
 
 INSTALL = "pip install 'dembench[kratos]', or name an interpreter that has KratosDEMApplication: DEMBENCH_KRATOS=PYTHON"
@@ -95,25 +104,21 @@ class Kratos(Engine):
             return Probe(available=False, path=path, reason=f"{path} does not start: {error}", install=INSTALL)
         except ValueError:
             last = (said.stderr.strip().splitlines() or ["it said nothing"])[-1]
-            return Probe(available=False, path=path, reason=f"{path} has no KratosDEMApplication: {last}", install=INSTALL)
+            return Probe(
+                available=False, path=path, reason=f"{path} has no KratosDEMApplication: {last}", install=INSTALL
+            )
         return Probe(available=True, version=version, path=path, facts={"KratosMultiphysics": core, **digest})
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
-        law = scene.law
         if not len(scene.bodies):
             return ["a scene without bodies"]
-        faults: list[str] = []
-        if not isinstance(law, HertzMindlin):
-            faults.append(f"contact law {law.kind}")
-        for pair in scene.pair_laws:
-            if not (LEAST <= pair.restitution <= MOST or pair.restitution == 1):
-                faults.append(
-                    f"restitution {pair.restitution:g} of {pair.a}-{pair.b}: accepted are {LEAST} to {MOST} and 1"
-                )
-        present = features(scene)
-        faults += ["rolling friction"] * present.rolling_friction
-        faults += ["particles that are no spheres"] * present.shapes
+        faults = beyond_hertzian_spheres(scene, ("reference", "rescaled", "no-tension"), LEAST)
+        faults += [
+            f"restitution {pair.restitution!r} of {pair.a}-{pair.b}: accepted are at most {MOST}, and 1"
+            for pair in scene.pair_laws
+            if MOST < pair.restitution < 1 and not clipped(scene)
+        ]
         return [*faults, *refused(scene)]
 
     def law(self, scene: Scene, settings: KratosSettings) -> str:
@@ -122,7 +127,9 @@ class Kratos(Engine):
         if not clipped(scene) and any(pair.restitution < 1 for pair in scene.pair_laws):
             own.append("tension clipped and damping by Thornton's fit")
         if features(scene).tangential_history:
-            own.append("the shear force remembered instead of its way, less in unloading; friction bounds its sum with its dashpot")
+            own.append(
+                "the shear force remembered instead of its way, less in unloading; friction bounds its sum with its dashpot"
+            )
         if names := meshed(scene):
             own.append(f"{', '.join(names)} of triangles")
         return "; ".join(own)

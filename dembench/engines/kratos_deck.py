@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from importlib.resources import files
 from io import StringIO
 from pathlib import Path
@@ -13,14 +12,25 @@ import jinja2
 import numpy as np
 
 from dembench.engines.kratos_walls import Built, built
-from dembench.engines.liggghts_output import every_of, observed_walls, steps_of
-from dembench.engines.liggghts_walls import materials_of, type_of
-from dembench.engines.yade_deck import clipped, schedule
-from dembench.engines.yade_output import DECK
+from dembench.engines.scene_queries import (
+    clipped,
+    damping_ratio,
+    every_of,
+    materials_of,
+    observed_walls,
+    pairs_of,
+    steps_of,
+)
+from dembench.engines.script_runs import DECK, schedule
 from dembench.scene import Region, Scene, features
 
 LAW = "DEM_D_Hertz_viscous_Coulomb"
-BODIES, WALLS, MATERIALS, PARAMETERS = "sceneDEM.mdpa", "sceneDEM_FEM_boundary.mdpa", "materials.json", "parameters.json"
+BODIES, WALLS, MATERIALS, PARAMETERS = (
+    "sceneDEM.mdpa",
+    "sceneDEM_FEM_boundary.mdpa",
+    "materials.json",
+    "parameters.json",
+)
 """Files of the deck; the program finds those of the model by the problem's name `scene`."""
 MOVED = ("fixed", "kinematic")
 """Kinds of constraints that leave a body its velocities, of which it has none where it is fixed."""
@@ -92,38 +102,39 @@ def _within(region: Region) -> str:
 # ---- materials and parameters
 
 
-def _pairs(scene: Scene) -> list[Any]:
-    names = {m.name for m in materials_of(scene)}
-    return [pair for pair in scene.pair_laws if {pair.a, pair.b} <= names]
-
-
 def _damping(scene: Scene) -> dict[tuple[int, int], float]:
     """Ratio sqrt(5/6) b of the scene's own dashpots, by the numbers of both materials, in both orders."""
     found = {}
-    for pair in _pairs(scene):
-        log, numbers = math.log(pair.restitution), (type_of(scene, pair.a), type_of(scene, pair.b))
-        found[numbers] = found[numbers[::-1]] = math.sqrt(5 / 6) * -log / math.hypot(math.pi, log)
+    numbers = _numbers(scene)
+    for pair in pairs_of(scene):
+        both = numbers[pair.a], numbers[pair.b]
+        found[both] = found[both[::-1]] = damping_ratio(pair.restitution)
     return found
+
+
+def _numbers(scene: Scene) -> dict[str, int]:
+    """Numbers of the materials, from 1 on."""
+    return {m.name: number for number, m in enumerate(materials_of(scene), 1)}
 
 
 def _materials(scene: Scene, walls: list[Built]) -> dict[str, Any]:
     """What the program reads of materials, of pairs of them, and of which part of the model is made of which."""
-    kinds = materials_of(scene)
+    numbers = _numbers(scene)
     parts = [(f"SpheresPart.{name}", name) for name in _by_material(scene)]
     parts += [(f"RigidFacePart.{wall.name}", wall.material) for wall in walls]
     return {
         "materials": [
             {
                 "material_name": m.name,
-                "material_id": type_of(scene, m.name),
+                "material_id": numbers[m.name],
                 "Variables": {"PARTICLE_DENSITY": m.density, "YOUNG_MODULUS": m.young, "POISSON_RATIO": m.poisson},
             }
-            for m in kinds
+            for m in materials_of(scene)
         ],
         "material_relations": [
             {
                 "material_names_list": [pair.a, pair.b],
-                "material_ids_list": [type_of(scene, pair.a), type_of(scene, pair.b)],
+                "material_ids_list": [numbers[pair.a], numbers[pair.b]],
                 "Variables": {
                     "COEFFICIENT_OF_RESTITUTION": pair.restitution,
                     "STATIC_FRICTION": pair.friction,
@@ -135,7 +146,7 @@ def _materials(scene: Scene, walls: list[Built]) -> dict[str, Any]:
                     "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": LAW,
                 },
             }
-            for pair in _pairs(scene)
+            for pair in pairs_of(scene)
         ],
         "material_assignation_table": [list(part) for part in parts],
     }
@@ -208,7 +219,10 @@ def _bodies(scene: Scene) -> str:
     _block(text, "Nodes", "%d" + 3 * " %.17g", numbers, bodies.position)
     _block(text, "Elements SphericParticle3D", "%d 0 %d", numbers, numbers)
     _block(text, "NodalData RADIUS", "%d 0 %.17g", numbers, scene.radii())
-    for name, values, kept in (("VELOCITY", bodies.velocity, held), ("ANGULAR_VELOCITY", bodies.angular_velocity, locked)):
+    for name, values, kept in (
+        ("VELOCITY", bodies.velocity, held),
+        ("ANGULAR_VELOCITY", bodies.angular_velocity, locked),
+    ):
         for axis, column in zip("XYZ", np.where(still[:, None], 0, values).T, strict=True):
             told = kept | (column != 0)
             if told.any():

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dembench.engines.flat_walls import moves, planes_of, shaken, triangle
-from dembench.engines.liggghts_round import polygon
+from dembench.engines.round_walls import polygon
 from dembench.scene import Box, Cylinder, Frustum, Mesh, Motion, Plane, Scene
 from dembench.scene.walls import WallShape
 

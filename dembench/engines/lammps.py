@@ -51,6 +51,7 @@ from dembench.engines.lammps_deck import deck
 from dembench.engines.lammps_output import DECK, LOG, failure_in, last_step, read_frames, read_tracks, timing_in
 from dembench.engines.lammps_walls import approximated, refused
 from dembench.engines.liggghts_deck import write_bodies
+from dembench.engines.scene_queries import beyond_hertzian_spheres
 from dembench.scene import HertzMindlin, Scene, features
 from dembench.scene.base import Positive
 
@@ -121,20 +122,9 @@ class Lammps(Engine):
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
-        law = scene.law
         if not len(scene.bodies):
             return ["a scene without bodies"]
-        faults: list[str] = []
-        if not isinstance(law, HertzMindlin):
-            faults.append(f"contact law {law.kind}")
-        elif law.variant == "no-tension":
-            faults.append(f"variant {law.variant} of the contact law")
-        for pair in scene.pair_laws:
-            if not pair.restitution > 0:
-                faults.append(f"restitution 0 of {pair.a}-{pair.b}: accepted is 0 < e <= 1")
-        present = features(scene)
-        faults += ["rolling friction"] * present.rolling_friction
-        faults += ["particles that are no spheres"] * present.shapes
+        faults = beyond_hertzian_spheres(scene, ("reference", "rescaled"))
         faults += [f"constraint {kind}" for kind in sorted({c.kind for c in scene.constraints} - {"fixed"})]
         return [*faults, *refused(scene)]
 

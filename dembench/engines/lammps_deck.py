@@ -12,8 +12,8 @@ import numpy as np
 from dembench.engines.base import names_of
 from dembench.engines.lammps_walls import Feature, features_of, groups, law_of
 from dembench.engines.liggghts_deck import IDS_PER_LINE, block_of, grid, removal
-from dembench.engines.liggghts_output import every_of, observed_walls, steps_of
-from dembench.engines.liggghts_walls import AXES, materials_of
+from dembench.engines.liggghts_walls import AXES
+from dembench.engines.scene_queries import every_of, materials_of, observed_walls, steps_of
 from dembench.scene import Scene, features
 
 LARGE_RATIO = 3.0

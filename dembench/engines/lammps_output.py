@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dembench.engines.base import FRAMES, Frame, FrameFiles, Tracks
-from dembench.engines.liggghts_output import in_sink, observed_walls, steps_of
+from dembench.engines.scene_queries import in_sink, observed_walls, steps_of
 from dembench.scene import Scene
 
 DECK, LOG, TRACKS, FORCES = "in.lammps", "log.lammps", "tracks.bin", "forces.txt"

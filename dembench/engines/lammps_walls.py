@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dembench.engines.liggghts_round import axis_of, is_primitive
-from dembench.engines.liggghts_walls import AXES, materials_of, ranges
+from dembench.engines.liggghts_walls import AXES, ranges
+from dembench.engines.round_walls import axis_of, is_primitive
+from dembench.engines.scene_queries import materials_of
 from dembench.scene import Box, Cylinder, Frustum, Material, Mesh, Motion, PairLaw, Plane, Scene
 from dembench.scene.walls import WallShape
 

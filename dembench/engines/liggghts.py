@@ -73,10 +73,11 @@ from dembench.engines.base import (
 from dembench.engines.liggghts_axes import renamed
 from dembench.engines.liggghts_deck import box, deck, legs, write_bodies
 from dembench.engines.liggghts_log import failure_in, last_step, timing_in
-from dembench.engines.liggghts_output import Launch, launches, read_frames, read_tracks, remove_frames, steps_of
-from dembench.engines.liggghts_round import sides_for
-from dembench.engines.liggghts_walls import Walls, materials_of, motion_of, walls, write_stl
-from dembench.scene import HertzMindlin, Scene, Sdf, features
+from dembench.engines.liggghts_output import Launch, launches, read_frames, read_tracks, remove_frames
+from dembench.engines.liggghts_walls import Walls, motion_of, walls, write_stl
+from dembench.engines.round_walls import sides_for
+from dembench.engines.scene_queries import beyond_hertzian_spheres, materials_of, steps_of
+from dembench.scene import Scene, Sdf, features
 from dembench.scene.base import Positive
 
 LOWEST_RESTITUTION = 0.05
@@ -151,23 +152,12 @@ class Liggghts(Engine):
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
-        law = scene.law
         if not len(scene.bodies):
             return ["a scene without bodies"]
-        faults: list[str] = []
-        if not isinstance(law, HertzMindlin):
-            faults.append(f"contact law {law.kind}")
-        elif law.variant != "reference":
-            faults.append(f"variant {law.variant} of the contact law")
-        for pair in scene.pair_laws:
-            if not LOWEST_RESTITUTION < pair.restitution <= 1:
-                faults.append(f"restitution {pair.restitution:g} of {pair.a}-{pair.b}: accepted is 0.05 < e <= 1")
+        faults = beyond_hertzian_spheres(scene, ("reference",), LOWEST_RESTITUTION)
         for material in materials_of(scene):
             if material.poisson < 0:
                 faults.append(f"Poisson's ratio {material.poisson:g} of {material.name}: it must not be negative")
-        present = features(scene)
-        faults += ["rolling friction"] * present.rolling_friction
-        faults += ["particles that are no spheres"] * present.shapes
         faults += [f"constraint {kind}" for kind in sorted({c.kind for c in scene.constraints} - {"fixed"})]
         for wall in scene.walls:
             if wall.motion is not None and motion_of(wall.motion) is None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dembench.engines.liggghts_round import axis_of, is_primitive
+from dembench.engines.round_walls import axis_of, is_primitive
 from dembench.scene import Box, Cylinder, Mesh, Motion, Region, Scene
 from dembench.scene.walls import WallShape
 

@@ -11,9 +11,10 @@ import jinja2
 import numpy as np
 
 from dembench.engines.base import names_of
-from dembench.engines.liggghts_output import FIRST_FORCES, Launch, every_of, observed_walls, steps_of
-from dembench.engines.liggghts_round import half_space
-from dembench.engines.liggghts_walls import AXES, Walls, materials_of, type_of
+from dembench.engines.liggghts_output import FIRST_FORCES, Launch
+from dembench.engines.liggghts_walls import AXES, Walls, type_of
+from dembench.engines.round_walls import half_space
+from dembench.engines.scene_queries import every_of, materials_of, observed_walls, steps_of
 from dembench.scene import Motion, Region, Scene, features
 
 SOFT_YOUNG, HARD_YOUNG = 5e6, 1e9

@@ -6,7 +6,6 @@ else has files of its own for each launch, and what an earlier launch wrote afte
 
 from __future__ import annotations
 
-import math
 import re
 import struct
 from collections.abc import Iterator
@@ -18,7 +17,8 @@ import numpy as np
 
 from dembench.engines.base import CHECKPOINTS, FRAMES, Frame, FrameFiles, Tracks
 from dembench.engines.liggghts_axes import as_given, renamed_by
-from dembench.scene import Scene, WallForce
+from dembench.engines.scene_queries import in_sink, observed_walls, steps_of
+from dembench.scene import Scene
 
 HEADER = struct.Struct("<qqi6i6dii")
 """Step, number of bodies, triclinic flag, 6 boundary flags, 6 bounds, values per body, number of chunks."""
@@ -70,21 +70,6 @@ def launches(directory: Path) -> list[tuple[Launch, int | None]]:
     return [(Launch(start), end) for start, end in zip(starts, [*starts[1:], None], strict=True)]
 
 
-def steps_of(times: np.ndarray, dt: float) -> list[int]:
-    """Step numbers of times [s] that are multiples of the time step [s]."""
-    return [round(t / dt) for t in times]
-
-
-def every_of(steps: list[int], last: int) -> int:
-    """The largest dump interval that meets all steps; `last` where there is nothing but step 0."""
-    return math.gcd(*steps) or last
-
-
-def observed_walls(scene: Scene) -> list[str]:
-    """Names of the walls whose force is observed, each once."""
-    return list(dict.fromkeys(o.wall for o in scene.observables if isinstance(o, WallForce)))
-
-
 # ---- frames
 
 
@@ -110,14 +95,6 @@ def _load_frame(
     present, vectors = table[left, 0].astype(np.intp) - 1, vectors[left]
     by_wall = dict(zip(observed, as_given(forces[step].reshape(-1, 3), places), strict=True)) if observed else {}
     return Frame(step, time, present, vectors[:, 0], vectors[:, 1], vectors[:, 2], by_wall)
-
-
-def in_sink(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Which positions [m], shape (n, 3), lie in a sink: the program may not have removed the body yet."""
-    gone = np.zeros(len(position), dtype=bool)
-    for sink in scene.sinks:
-        gone |= sink.region.contains(position)
-    return gone
 
 
 def remove_frames(directory: Path, after: int) -> None:

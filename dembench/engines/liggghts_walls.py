@@ -8,16 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dembench.engines.liggghts_round import axis_of, discs, is_primitive, open_tops, polygon
-from dembench.scene import Box, Cylinder, Frustum, Material, Mesh, Motion, Plane, Scene, Sdf
+from dembench.engines.round_walls import axis_of, discs, is_primitive, open_tops, polygon
+from dembench.engines.scene_queries import materials_of
+from dembench.scene import Box, Cylinder, Frustum, Mesh, Motion, Plane, Scene, Sdf
 
 AXES = "xyz"
-
-
-def materials_of(scene: Scene) -> list[Material]:
-    """Materials in use, in the order of their types 1, 2, ..."""
-    used = {s.material for s in scene.species} | {w.material for w in scene.walls}
-    return [m for m in scene.materials if m.name in used]
 
 
 def type_of(scene: Scene, material: str) -> int:

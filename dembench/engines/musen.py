@@ -38,11 +38,11 @@ from dembench.engines.musen_output import (
     BINARY_BYTES,
     Reader,
     frame_bytes,
-    observed_walls,
     parts,
     saving,
 )
 from dembench.engines.musen_scene import geometries, refused, write_scene
+from dembench.engines.scene_queries import beyond_hertzian_spheres, observed_walls
 from dembench.scene import HertzMindlin, Scene, features
 
 PHASES = ("import", "simulate", "export")
@@ -120,18 +120,9 @@ class Musen(Engine):
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
-        law = scene.law
         faults = [] if len(scene.bodies) else ["a scene without bodies"]
-        if not isinstance(law, HertzMindlin):
-            faults.append(f"contact law {law.kind}")
-        elif law.variant == "no-tension":
-            faults.append(f"variant {law.variant} of the contact law")
-        for pair in scene.pair_laws:
-            if not pair.restitution > 0:
-                faults.append(f"restitution 0 of {pair.a}-{pair.b}: accepted is 0 < e <= 1")
-        present = features(scene)
-        faults += ["rolling friction"] * present.rolling_friction + ["periodic boundaries"] * present.periodic
-        faults += ["particles that are no spheres"] * present.shapes
+        faults += beyond_hertzian_spheres(scene, ("reference", "rescaled"))
+        faults += ["periodic boundaries"] * features(scene).periodic
         faults += [f"constraint {kind}" for kind in sorted({c.kind for c in scene.constraints})]
         return [*faults, *refused(scene)]
 

@@ -28,7 +28,8 @@ from dembench.engines.musen_text import (
     TextError,
     read_text,
 )
-from dembench.scene import Scene, WallForce
+from dembench.engines.scene_queries import observed_walls
+from dembench.scene import Scene
 
 PART_BYTES = 300e6
 """Size of the text of a part, about."""
@@ -101,11 +102,6 @@ def parts(bodies: int, saved: Saving, digits: int) -> list[Part]:
         between = (max(0.0, (first - 0.5) * saved.interval), (last + 0.5) * saved.interval)
         found.append(Part(k, first, last, f"{FRAMES}/export_{k:04d}.txt", between))
     return found
-
-
-def observed_walls(scene: Scene) -> list[str]:
-    """Names of the walls whose force is observed, each once."""
-    return list(dict.fromkeys(o.wall for o in scene.observables if isinstance(o, WallForce)))
 
 
 # ---- one part

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dembench.scene import Box, Cylinder, Frustum, Material, Motion, Plane, Scene, Sdf, Sink
+from dembench.engines.scene_queries import materials_of
+from dembench.scene import Box, Cylinder, Frustum, Motion, Plane, Scene, Sdf, Sink
 from dembench.scene.walls import WallShape
 
 FOR_EVER = "1e+300"
@@ -128,12 +129,6 @@ def _bounds(sink: Sink) -> list[tuple[int, int, float]]:
         for axis, level in enumerate(levels)
         if level is not None
     ]
-
-
-def materials_of(scene: Scene) -> list[Material]:
-    """Materials in use, in the scene's order."""
-    used = {s.material for s in scene.species} | {w.material for w in scene.walls}
-    return [m for m in scene.materials if m.name in used]
 
 
 def write_scene(scene: Scene, walls: list[Geometry], path: Path) -> None:

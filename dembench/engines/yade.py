@@ -54,9 +54,10 @@ from dembench.engines.base import (
     order_of_contacts,
 )
 from dembench.engines.flat_walls import meshed
-from dembench.engines.liggghts_round import FEWEST_SIDES, sides_for
-from dembench.engines.yade_deck import clipped, deck, write_bodies, write_triangles
-from dembench.engines.yade_output import DECK, NOTES, failure_in, last_step, read_frames, read_tracks, timing_in
+from dembench.engines.round_walls import FEWEST_SIDES, sides_for
+from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
+from dembench.engines.script_runs import DECK, NOTES, failure_in, last_step, read_frames, read_tracks, timing_in
+from dembench.engines.yade_deck import deck, write_bodies, write_triangles
 from dembench.engines.yade_walls import built, refused
 from dembench.scene import HertzMindlin, Scene, features
 from dembench.scene.base import Positive
@@ -113,20 +114,10 @@ class Yade(Engine):
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
-        law = scene.law
         if not len(scene.bodies):
             return ["a scene without bodies"]
-        faults: list[str] = []
-        if not isinstance(law, HertzMindlin):
-            faults.append(f"contact law {law.kind}")
-        for pair in scene.pair_laws:
-            if not pair.restitution > 0:
-                faults.append(f"restitution 0 of {pair.a}-{pair.b}: accepted is 0 < e <= 1")
-        present = features(scene)
-        faults += ["rolling friction"] * present.rolling_friction
-        faults += ["particles that are no spheres"] * present.shapes
-        faults += _narrow(scene)
-        return [*faults, *refused(scene)]
+        faults = beyond_hertzian_spheres(scene, ("reference", "rescaled", "no-tension"))
+        return [*faults, *_narrow(scene), *refused(scene)]
 
     def law(self, scene: Scene, settings: YadeSettings) -> str:
         """See `Engine.law`; elastic contacts without friction are those of every variant of the scene's law."""

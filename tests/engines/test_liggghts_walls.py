@@ -13,7 +13,7 @@ from parts import GLASS, PAIRS, STEEL
 
 from dembench.engines.liggghts import Liggghts
 from dembench.engines.liggghts_deck import grid
-from dembench.engines.liggghts_round import is_primitive
+from dembench.engines.round_walls import is_primitive
 from dembench.scene import Cylinder, Scene, scene_from
 
 DRUM = Cylinder(

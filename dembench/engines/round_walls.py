@@ -1,8 +1,8 @@
-"""Round walls in LIGGGHTS: where an infinite primitive cylinder is exact, and the triangles that stand for the rest.
+"""Round walls in programs without them: where an infinite cylinder is exact, and the triangles that stand for the rest.
 
-The program has infinite cylinders along the axes, at rest or turning about themselves, and no cones. A primitive is
-taken only where it cannot be told from the wall; everywhere else the wall becomes a polygon whose sides touch the round
-wall from the side of the wall, so that no body starts inside it.
+LIGGGHTS and LAMMPS have infinite cylinders along the axes, at rest or turning about themselves, and no cones. Such a
+primitive is taken only where it cannot be told from the wall; everywhere else the wall becomes a polygon whose sides
+touch the round wall from the side of the wall, so that no body starts inside it.
 """
 
 from __future__ import annotations
