@@ -53,8 +53,8 @@ import json
 from importlib import metadata
 import numpy
 found = metadata.distribution("KratosDEMApplication")
-core = [str(found.locate_file(f)) for f in found.files or () if "KratosDEMCore" in f.name]
-print(json.dumps([found.version, metadata.version("KratosMultiphysics"), core[:1]]))
+(library,) = (str(found.locate_file(f)) for f in found.files if "KratosDEMCore" in f.name)
+print(json.dumps([found.version, metadata.version("KratosMultiphysics"), library]))
 """
 """What an interpreter is asked: the versions of the program and the file of its library."""
 
@@ -99,15 +99,14 @@ class Kratos(Engine):
         try:
             said = subprocess.run((path, "-c", ASKED), capture_output=True, text=True, timeout=60, check=False)
             version, core, library = json.loads(said.stdout)
-            digest = {"sha256": hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in library}
+            digest = hashlib.sha256(Path(library).read_bytes()).hexdigest()
         except (OSError, subprocess.TimeoutExpired) as error:
             return Probe(available=False, path=path, reason=f"{path} does not start: {error}", install=INSTALL)
         except ValueError:
             last = (said.stderr.strip().splitlines() or ["it said nothing"])[-1]
-            return Probe(
-                available=False, path=path, reason=f"{path} has no KratosDEMApplication: {last}", install=INSTALL
-            )
-        return Probe(available=True, version=version, path=path, facts={"KratosMultiphysics": core, **digest})
+            lacking = f"{path} has no KratosDEMApplication: {last}"
+            return Probe(available=False, path=path, reason=lacking, install=INSTALL)
+        return Probe(available=True, version=version, path=path, facts={"KratosMultiphysics": core, "sha256": digest})
 
     def unsupported(self, scene: Scene) -> list[str]:
         """See `Engine.unsupported`."""
@@ -127,9 +126,8 @@ class Kratos(Engine):
         if not clipped(scene) and any(pair.restitution < 1 for pair in scene.pair_laws):
             own.append("tension clipped and damping by Thornton's fit")
         if features(scene).tangential_history:
-            own.append(
-                "the shear force remembered instead of its way, less in unloading; friction bounds its sum with its dashpot"
-            )
+            own.append("the shear force remembered, less in unloading, and bounded together with its dashpot")
+            own.append("levers at walls less the whole overlap")
         if names := meshed(scene):
             own.append(f"{', '.join(names)} of triangles")
         return "; ".join(own)

@@ -65,7 +65,8 @@ def built(scene: Scene, segments: int) -> list[Built]:
     made = []
     for wall in scene.walls:
         motion = wall.motion or Motion()
-        velocity, period = motion.velocity, 0.0
+        velocity: tuple[float, ...] = motion.velocity
+        period = 0.0
         if shaken(motion):  # amplitude sin(w t) is what the program makes of the velocity w amplitude cos(w t)
             velocity = tuple(float(v) for v in 2 * np.pi * motion.frequency * np.array(motion.amplitude))
             period = 1 / motion.frequency
