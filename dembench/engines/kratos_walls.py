@@ -55,9 +55,15 @@ def refused(scene: Scene) -> list[str]:
             faults.append(f"motion of wall {wall.name}: a surface that oscillates while the wall stays")
         elif shaken(motion) and any(motion.velocity):
             faults.append(f"motion of wall {wall.name}: an oscillation and a constant velocity together")
-        elif any(scene.domain.periodic):
-            faults.append(f"wall {wall.name}: none is accepted in a periodic domain")
+        elif any(scene.domain.periodic) and not _along_periods(wall, scene):
+            faults.append(f"wall {wall.name}: in a periodic domain, planes along the periodic axes are accepted")
     return faults
+
+
+def _along_periods(wall: WallShape, scene: Scene) -> bool:
+    """Whether a wall consists of planes that are the same in all periods."""
+    planes, axes = planes_of(wall), np.flatnonzero(scene.domain.periodic)
+    return bool(planes) and not any(np.array(plane.normal)[axes].any() for plane in planes)
 
 
 def built(scene: Scene, segments: int) -> list[Built]:
