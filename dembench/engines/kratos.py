@@ -127,7 +127,7 @@ class Kratos(Engine):
             own.append("tension clipped and damping by Thornton's fit")
         if features(scene).tangential_history:
             own.append("the shear force remembered, less in unloading, and bounded together with its dashpot")
-            own.append("levers at walls less the whole overlap")
+            own += ["levers at walls less the whole overlap"] * bool(scene.walls)
         if names := meshed(scene):
             own.append(f"{', '.join(names)} of triangles")
         return "; ".join(own)

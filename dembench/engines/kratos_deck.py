@@ -36,6 +36,8 @@ MOVED = ("fixed", "kinematic")
 """Kinds of constraints that leave a body its velocities, of which it has none where it is fixed."""
 ROOM = 4.0
 """Length of the periodic cell along an axis that is not periodic, in lengths of the domain: no image is met there."""
+SAME = 1e-12
+"""Distance of corners that are one, in the largest coordinate of a wall."""
 FOREVER = 1e12
 """A time that no run reaches [s]."""
 
@@ -239,9 +241,9 @@ def _walls(walls: list[Built]) -> str:
     corners_before = faces_before = 0
     parts = StringIO()
     for wall in walls:
-        corners, corner_of = np.unique(wall.triangles.reshape(-1, 3), axis=0, return_inverse=True)
+        corners, corner_of = _shared(wall.triangles)
         nodes.append(corners)
-        faces.append(1 + corners_before + corner_of.reshape(-1, 3))
+        faces.append(1 + corners_before + corner_of)
         node_numbers = 1 + corners_before + np.arange(len(corners))
         face_numbers = 1 + faces_before + np.arange(len(wall.triangles))
         _part(parts, wall.name, node_numbers, "Conditions", face_numbers, _motion(wall) if wall.moves else "")
@@ -251,6 +253,17 @@ def _walls(walls: list[Built]) -> str:
     _block(text, "Nodes", "%d" + 3 * " %.17g", 1 + np.arange(corners_before), np.concatenate(nodes))
     _block(text, "Conditions RigidFace3D3N", "%d 0 %d %d %d", 1 + np.arange(faces_before), np.concatenate(faces))
     return text.getvalue() + parts.getvalue()
+
+
+def _shared(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of triangles [m], each once, shape (c, 3), and the numbers of those of each triangle, from 0 on.
+
+    Corners are one where they differ by rounding only, as at the seam of a round wall.
+    """
+    points = triangles.reshape(-1, 3)
+    grid = np.round(points / (SAME * np.abs(points).max()))
+    _, first, corner_of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    return points[first], corner_of.reshape(-1, 3)
 
 
 def _motion(wall: Built) -> str:

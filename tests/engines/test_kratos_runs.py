@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import subprocess
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -80,7 +79,9 @@ def sliding_hit(speed: float, along: float, dt: float, duration: float) -> tuple
             if before > overlap:
                 spring *= math.sqrt(overlap / before)
             spring -= 8 * shear * contact * slip * dt
-            spring, viscous = bounded(spring, -damping * math.sqrt(8 * shear * contact * mass) * slip, friction * normal)
+            spring, viscous = bounded(
+                spring, -damping * math.sqrt(8 * shear * contact * mass) * slip, friction * normal
+            )
             push, pull = normal / mass, (spring + viscous) / mass
             twist = -(spring + viscous) * lever / (0.4 * mass * radius**2)
         else:
