@@ -17,6 +17,8 @@ Deviations from the reference law, found in its sources, in runs of one contact,
 
 The scene's variant `no-tension` gets its own dashpots instead (.5503 for e = .5): the script sets their ratios.
 
+Among the named laws of the passport it is `thornton-sum`, at a distance of .003; that to the scene's law is .174.
+
 Restitution of two equal spheres (e = .5, +-.5 m/s, dt = 1 us): .500019 for E = 1e7, .502142 for E = 1e9.
 
 Neighbours: the program seeks them every so many steps, by default 50, and finds contacts late where bodies have moved
@@ -111,38 +113,7 @@ class KratosSettings(EngineSettings):
 
 
 class Kratos(Engine):
-    """Kratos DEM: model parts, materials and parameters, a script that drives the solver, and reading what it wrote.
-
-    M. A. Celigueta, S. Latorre et al., KratosMultiphysics, DEMApplication; https://github.com/KratosMultiphysics/Kratos.
-
-    `DEM_D_Hertz_viscous_Coulomb` with restitution and friction of each pair as material relations, and velocity Verlet for
-    motion and spin, whose forces see the velocities of half a step before.
-
-    Deviations from the reference law, found in its sources, in runs of one contact, and told by `law`:
-
-    - The normal force is never below 0. The dashpots make up for it by the fit of Thornton et al. 2013, doi
-      10.1016/j.powtec.2012.08.012, also across the normal. Restitution beyond .999 is taken as 1 and refused here.
-    - The shear force is what is remembered: it grows by its stiffness times the slip of a step, and where the overlap
-      becomes less it does so as the root of the overlap. It is turned with the normal, without the spin about it.
-    - Spring and dashpot of the shear are bounded together. Beyond the bound the dashpot gives way first, unless it acts
-      against the spring and is the larger of the two: then the spring stays as it is.
-    - Levers at walls are the radius less the whole overlap; between bodies the softer of them is the one that is indented.
-
-    The scene's variant `no-tension` gets its own dashpots instead (.5503 for e = .5): the script sets their ratios.
-
-    Restitution of two equal spheres (e = .5, +-.5 m/s, dt = 1 us): .500019 for E = 1e7, .502142 for E = 1e9.
-
-    Neighbours: the program seeks them every so many steps, by default 50, and finds contacts late where bodies have moved
-    by more than its `SearchTolerance` since then. The script lets it seek whenever two bodies may have come nearer by that
-    (`skin`), so that no contact is late, and a step takes half to a third of the time that it takes with a search in each.
-    What is left of a shear force when two bodies part is met again when they touch before the next search: in bounces of a
-    grain that changed its velocity by 1e-7 of it.
-
-    A cell of the program is periodic along all axes: along those that are not periodic in the scene it is four times as
-    long as the domain.
-
-    Runs write no checkpoints: one that was interrupted begins anew.
-    """
+    """Kratos DEM."""
 
     name: ClassVar[str] = "kratos"
     title: ClassVar[str] = "Kratos DEM: soft-sphere, double precision, threads"
