@@ -139,6 +139,28 @@ def test_pairs_of_materials_have_their_own_restitution_and_friction(tmp_path: Pa
     assert measured == pytest.approx(list(pairs.values()), abs=1e-3)
 
 
+@pytest.mark.parametrize(("kind", "speed"), [("fixed", 0.0), ("kinematic", 0.2)])
+def test_a_grain_rebounds_from_a_body_that_is_held(kind: str, speed: float, tmp_path: Path) -> None:
+    """With the restitution of the pair, as from a wall: the held body has no mass that could give way."""
+    made = scene(
+        bodies={"position": [[-0.002, 0, 0], [0.002, 0, 0]], "velocity": [[speed, 0, 0], [-0.5, 0, 0]]},
+        constraints=({"kind": kind, "bodies": (0,)},),
+        gravity=(0, 0, 0),
+        time_step=1e-6,
+    )
+    last = run(installed("kratos"), made, tmp_path).frames[-1]
+    assert last.velocity[0].tolist() == [speed, 0, 0]
+    assert (last.velocity[1, 0] - speed) / (0.5 + speed) == pytest.approx(0.5, abs=1e-3)
+
+
+def test_a_sink_may_take_all(tmp_path: Path) -> None:
+    sink = {"name": "outlet", "region": {"lower": (None,) * 3, "upper": (None, None, -1e-4)}}
+    made = scene(bodies={"position": [[0, 0, 0], [0.004, 0, 0.0002]]}, sinks=(sink,), duration=0.02)
+    series = run(installed("kratos"), made, tmp_path)
+    assert series.failure is None
+    assert [len(frame.present) for frame in series.frames][:10:2] == [2, 2, 2, 1, 0], "gone after 4.5 ms and 7.8 ms"
+
+
 def test_the_scenes_own_clipped_law_gives_what_clipping_gives(tmp_path: Path) -> None:
     """Dashpots for e = .5 rebound at .550 where the tension is clipped (Schwager & Poeschel 2007)."""
     made = scene(

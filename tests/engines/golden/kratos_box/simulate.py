@@ -12,7 +12,7 @@ from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStag
 dt, steps = 5e-06, 2000
 lower, upper = (-0.03, -0.03, -0.03), (0.03, 0.03, 0.03)
 frames = {0, 200, 400, 600, 800, 900, 1000, 1200, 1400, 1600, 1800, 2000}
-tracks, tracked = range(0, 2001, 40), [2]
+tracks, tracked, gone = range(0, 2001, 40), [2], np.full(9, np.nan)
 
 # ---- the program reads bodies, walls, materials and parameters
 kratos.Logger.GetDefaultOutput().SetSeverity(kratos.Logger.Severity.WARNING)
@@ -55,10 +55,9 @@ def write(step):
         np.savez("frames/part.npz", body=left, state=found)
         os.replace("frames/part.npz", f"frames/{step}.npz")
     if step in tracks:
-        row = dict(zip(left, found[:, :6]))
-        gone = np.full(6, np.nan)
+        rows = np.where(np.isin(tracked, left)[:, None], np.vstack([found, gone])[np.searchsorted(left, tracked), :6], np.nan)
         with open("tracks.bin", "ab") as stream:
-            stream.write(np.hstack([step, *(row.get(body, gone) for body in tracked)]).tobytes())
+            stream.write(np.hstack([step, rows.ravel()]).tobytes())
     worked["output"] += time.perf_counter() - begun
 
 
