@@ -133,13 +133,19 @@ def test_numbers_keep_their_last_bit(tmp_path: Path) -> None:
 
 
 def test_each_pair_of_materials_has_its_law(tmp_path: Path) -> None:
+    """Glass, steel, and the glass of the body that is held."""
     write(box(), tmp_path)
-    relations = json.loads((tmp_path / "materials.json").read_text())["material_relations"]
-    told = {tuple(r["material_ids_list"]): r["Variables"] for r in relations}
+    told = json.loads((tmp_path / "materials.json").read_text())
+    densities = [material["Variables"]["PARTICLE_DENSITY"] for material in told["materials"]]
+    assert densities == [2500, 7200, 2500e12]
+    told = {tuple(relation["material_ids_list"]): relation["Variables"] for relation in told["material_relations"]}
     assert {k: (v["COEFFICIENT_OF_RESTITUTION"], v["DYNAMIC_FRICTION"]) for k, v in told.items()} == {
         (1, 1): (0.5, 0.3),
         (2, 1): (0.4, 0.2),
         (2, 2): (0.6, 0.5),
+        (1, 3): (0.5, 0.3),
+        (2, 3): (0.4, 0.2),
+        (3, 3): (0.5, 0.3),
     }
 
 
