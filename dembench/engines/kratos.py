@@ -164,7 +164,7 @@ class Kratos(Engine):
             own.append("the shear force remembered, less in unloading, and bounded together with its dashpot")
             own += ["levers at walls less the whole overlap"] * bool(scene.walls)
         if names := meshed(scene):
-            own.append(f"{', '.join(names)} of triangles")
+            own.append(f"{', '.join(names)} of triangles, shear forces do not pass from one to the next")
         return "; ".join(own)
 
     def defaults(self, scene: Scene, division: Division) -> dict[str, Any]:

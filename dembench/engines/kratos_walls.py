@@ -1,5 +1,10 @@
 """Walls in Kratos: rigid faces, one triangle for a plane, polygons for round walls.
 
+A body that touches a face is not pushed by the edges of that face, nor by those that other faces hide: a flat mesh
+moves a grain as the plane does, on the common edge of two triangles, too. What a contact remembers does not pass from
+one triangle to the next. A ball of 5 mm that rolled in a trough of 5 cm and 71 sides from 60 degrees on turned at 57.5
+on the far side.
+
 A wall that changes its place is moved by the program, as `RIGID_BODY_MOTION` of its part of the model. One that stays
 in its place while its surface moves (a belt, a drum that turns about its axis) gets the velocities of its corners once,
 by the script: the program's own `FIXED_MESH_OPTION` turns those of a rotation on with the time.

@@ -173,6 +173,20 @@ def test_the_scenes_own_clipped_law_gives_what_clipping_gives(tmp_path: Path) ->
     assert last.velocity[1, 0] - last.velocity[0, 0] == pytest.approx(0.5503, abs=2e-4)
 
 
+@pytest.mark.parametrize("away", [0.0, 1e-4, 1e-3])
+def test_a_flat_mesh_is_the_plane(away: float, tmp_path: Path) -> None:
+    """An oblique hit on the common edge of two triangles, or beside it; the hit is over before the edge is passed."""
+    corners = np.array([[-0.02, -0.02, 0], [0.02, -0.02, 0], [0.02, 0.02, 0], [-0.02, 0.02, 0]])
+    net = {"kind": "mesh", "name": "floor", "material": "steel", "triangles": corners[[[0, 1, 2], [0, 2, 3]]]}
+    bodies = {"position": [[away, -away, 0.0015103]], "velocity": [[0.2, -0.2, -0.5]]}
+    ends = []
+    for name, wall in (("net", net), ("plane", FLOOR)):
+        made = scene(walls=(wall,), bodies=bodies, gravity=(0, 0, 0), duration=1e-3, time_step=1e-6)
+        ends.append(run(installed("kratos"), made, tmp_path / name).frames[-1])
+    assert ends[0].velocity == pytest.approx(ends[1].velocity, abs=1e-9)
+    assert ends[0].angular_velocity == pytest.approx(ends[1].angular_velocity, abs=1e-6)
+
+
 def test_walls_move_and_carry_as_they_are_told(tmp_path: Path) -> None:
     """Grains in one scene without gravity, each by a wall of its own.
 
