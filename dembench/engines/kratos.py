@@ -1,6 +1,6 @@
 """Kratos DEM: model parts, materials and parameters, a script that drives the solver, and reading what it wrote.
 
-M. A. Celigueta, S. Latorre et al., KratosMultiphysics, DEMApplication; https://github.com/KratosMultiphysics/Kratos.
+P. Dadvand, R. Rossi, E. Onate, Arch. Comput. Methods Eng. 17, 2010, doi 10.1007/s11831-010-9045-2.
 
 `DEM_D_Hertz_viscous_Coulomb` with restitution and friction of each pair as material relations, and velocity Verlet for
 motion and spin, whose forces see the velocities of half a step before.
