@@ -7,6 +7,7 @@ grain that hit a fixed one came back with .60 of its speed for e = .5. Such bodi
 
 from __future__ import annotations
 
+import math
 from io import StringIO
 from itertools import product
 from typing import Any, NamedTuple
@@ -14,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dembench.engines.kratos_walls import Built
-from dembench.engines.scene_queries import damping_ratio, materials_of, pairs_of
+from dembench.engines.scene_queries import materials_of, pairs_of
 from dembench.scene import Material, PairLaw, Scene
 
 LAW = "DEM_D_Hertz_viscous_Coulomb"
@@ -84,7 +85,7 @@ def damping_of(scene: Scene) -> dict[tuple[int, int], float]:
     """Ratios sqrt(5/6) b of the scene's own dashpots, by the numbers of both materials, in both orders."""
     found = {}
     for pair, a, b in _relations(scene):
-        found[a.number, b.number] = found[b.number, a.number] = damping_ratio(pair.restitution)
+        found[a.number, b.number] = found[b.number, a.number] = math.sqrt(5 / 6) * pair.damping_ratio()
     return found
 
 

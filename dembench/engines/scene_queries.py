@@ -50,12 +50,6 @@ def clipped(scene: Scene) -> bool:
     return isinstance(scene.law, HertzMindlin) and scene.law.variant == "no-tension"
 
 
-def damping_ratio(restitution: float) -> float:
-    """Ratio sqrt(5/6) b of the dashpots of Hertz-Mindlin contacts to the critical damping 2 sqrt(S m) [-]."""
-    log = math.log(restitution)
-    return math.sqrt(5 / 6) * -log / math.hypot(math.pi, log)
-
-
 def beyond_hertzian_spheres(scene: Scene, variants: Collection[str], lowest: float = 0.0) -> list[str]:
     """What a scene has beyond spheres under the Hertz-Mindlin law without rolling friction, one line each.
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from dembench.engines.scene_queries import (
     clipped,
-    damping_ratio,
     every_of,
     materials_of,
     observed_walls,
@@ -81,7 +80,7 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
 
 def _pair(scene: Scene, pair: PairLaw) -> dict[str, Any]:
     """Numbers of a pair: its restitution, or the ratio sqrt(5/6) b of its dashpots, and its angle of friction."""
-    damping = damping_ratio(pair.restitution) if clipped(scene) else pair.restitution
+    damping = math.sqrt(5 / 6) * pair.damping_ratio() if clipped(scene) else pair.restitution
     return {"a": pair.a, "b": pair.b, "damping": repr(damping), "angle": repr(math.atan(pair.friction))}
 
 
