@@ -14,6 +14,7 @@ BUILT_IN = {
     "lammps": "dembench.engines.lammps:Lammps",
     "musen": "dembench.engines.musen:Musen",
     "yade": "dembench.engines.yade:Yade",
+    "kratos": "dembench.engines.kratos:Kratos",
 }
 GROUP = "dembench.engines"
 EXPLICIT = "peclet-hertz"

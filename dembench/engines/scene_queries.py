@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from dembench.scene import HertzMindlin, Material, Scene, WallForce, features
+from dembench.scene import HertzMindlin, Material, PairLaw, Scene, WallForce, features
 
 
 def steps_of(times: np.ndarray, dt: float) -> list[int]:
@@ -37,6 +37,17 @@ def materials_of(scene: Scene) -> list[Material]:
     """Materials in use, in the scene's order."""
     used = {s.material for s in scene.species} | {w.material for w in scene.walls}
     return [m for m in scene.materials if m.name in used]
+
+
+def pairs_of(scene: Scene) -> list[PairLaw]:
+    """Laws of the pairs of materials in use, in the scene's order."""
+    names = {m.name for m in materials_of(scene)}
+    return [pair for pair in scene.pair_laws if {pair.a, pair.b} <= names]
+
+
+def clipped(scene: Scene) -> bool:
+    """Whether the scene's own law clips the tension: then a program that does is given its dashpots."""
+    return isinstance(scene.law, HertzMindlin) and scene.law.variant == "no-tension"
 
 
 def beyond_hertzian_spheres(scene: Scene, variants: Collection[str], lowest: float = 0.0) -> list[str]:

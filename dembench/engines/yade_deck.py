@@ -10,9 +10,17 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from dembench.engines.scene_queries import every_of, materials_of, observed_walls, steps_of
+from dembench.engines.scene_queries import (
+    clipped,
+    every_of,
+    materials_of,
+    observed_walls,
+    pairs_of,
+    steps_of,
+)
+from dembench.engines.script_runs import schedule
 from dembench.engines.yade_walls import STAYS, Built, across, built
-from dembench.scene import HertzMindlin, PairLaw, Region, Scene, features
+from dembench.scene import PairLaw, Region, Scene, features
 
 IDS_PER_LINE = 1000
 ROOM = 4.0
@@ -35,11 +43,6 @@ def deck(scene: Scene, settings: Any, command: str) -> str:
     return template.render(_values(scene, settings), command=command)
 
 
-def clipped(scene: Scene) -> bool:
-    """Whether the scene's own law clips the tension: then the program is given its dashpots, else the restitution."""
-    return isinstance(scene.law, HertzMindlin) and scene.law.variant == "no-tension"
-
-
 def _values(scene: Scene, settings: Any) -> dict[str, Any]:
     walls = built(scene, settings.segments)
     steps = steps_of(np.array([scene.duration]), settings.dt)[0]
@@ -56,7 +59,7 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         "skin": settings.skin,
         "materials": materials_of(scene),
         "damping": "betan" if clipped(scene) else "en",
-        "pairs": [_pair(scene, pair) for pair in _pairs(scene)],
+        "pairs": [_pair(scene, pair) for pair in pairs_of(scene)],
         "friction": features(scene).friction,
         "blocked": _blocked(scene),
         "periodic": [axis for axis in range(3) if scene.domain.periodic[axis]],
@@ -73,19 +76,6 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         "tracked": tracked,
         "every": every_of(sorted({*frames, *tracks}), steps),
     }
-
-
-def schedule(steps: list[int]) -> str:
-    """Steps as a Python expression: a range where they are evenly spaced."""
-    gaps = set(np.diff(steps).tolist())
-    if len(gaps) == 1:
-        return repr(range(steps[0], steps[-1] + 1, gaps.pop()))
-    return "{" + ", ".join(map(str, steps)) + "}" if steps else "()"
-
-
-def _pairs(scene: Scene) -> list[PairLaw]:
-    names = {m.name for m in materials_of(scene)}
-    return [pair for pair in scene.pair_laws if {pair.a, pair.b} <= names]
 
 
 def _pair(scene: Scene, pair: PairLaw) -> dict[str, Any]:

@@ -17,14 +17,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dembench.engines.round_walls import axis_of, polygon
+from dembench.engines.flat_walls import axes_of, moves, planes_of, shaken, triangle
+from dembench.engines.round_walls import polygon
 from dembench.scene import Box, Cylinder, Frustum, Mesh, Motion, Plane, Scene
-from dembench.scene.walls import WallShape, geometry_moves
+from dembench.scene.walls import WallShape
 
 MOVES, STAYS = 1, 2
 """Masks of walls that the integrator moves, and of walls that stay."""
-PERIODS = 1000
-"""Lengths of a periodic domain that bodies may go along a plane."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +69,11 @@ def refused(scene: Scene) -> list[str]:
         motion = wall.motion or Motion()
         if not isinstance(wall, Plane | Box | Cylinder | Frustum | Mesh):
             faults.append(f"wall {wall.name}: a signed distance on a grid")
-        elif any(motion.angular_velocity) and not motion.surface and _moves(wall):
+        elif any(motion.angular_velocity) and not motion.surface and moves(wall):
             faults.append(f"motion of wall {wall.name}: a rotation, where the wall does not stay in its place")
-        elif motion.surface and _shaken(motion):
+        elif motion.surface and shaken(motion):
             faults.append(f"motion of wall {wall.name}: a surface that oscillates while the wall stays")
-        elif any(scene.domain.periodic) and (_moves(wall) or len(_axes(wall)) != 1 or across(scene) is None):
+        elif any(scene.domain.periodic) and (moves(wall) or len(axes_of(wall)) != 1 or across(scene) is None):
             faults.append(f"wall {wall.name}: in a periodic domain, planes across one axis that stay are accepted")
     return faults
 
@@ -86,54 +85,32 @@ def across(scene: Scene) -> int | None:
     the axis by which it sorts first, so that axis must be this one: sorted by another, 1000 grains at rest on a floor
     fell through it.
     """
-    axes = set().union(*map(_axes, scene.walls))
+    axes = set().union(*map(axes_of, scene.walls))
     return axes.pop() if len(axes) == 1 else None
-
-
-def _axes(wall: WallShape) -> set[int | None]:
-    """The axes that the planes of a wall lie across; None among them for what lies across none."""
-    return {axis_of(plane.normal) for plane in _planes(wall)} or {None}
-
-
-def meshed(scene: Scene) -> list[str]:
-    """Names of the walls of more than one triangle for a face."""
-    return [wall.name for wall in scene.walls if not isinstance(wall, Plane | Box)]
 
 
 def built(scene: Scene, segments: int) -> list[Built]:
     """Every wall of a scene as the script makes it, round ones with that many sides."""
     made = []
     for wall in scene.walls:
-        mask = MOVES if wall.motion is None or _moves(wall) else STAYS
+        mask = MOVES if wall.motion is None or moves(wall) else STAYS
         motion = wall.motion or Motion()
-        turns, shaken = any(motion.angular_velocity), _shaken(motion)
+        turns, oscillates = any(motion.angular_velocity), shaken(motion)
         made.append(
             Built(
                 wall.name,
                 wall.material,
                 mask,
-                [_plane(plane, scene, mask) for plane in _planes(wall)],
+                [_plane(plane, scene, mask) for plane in planes_of(wall)],
                 velocity=motion.velocity,
                 spin=motion.angular_velocity if turns else (),
                 centre=motion.centre if turns else (),
-                amplitude=motion.amplitude if shaken else (),
-                rate=2 * math.pi * motion.frequency if shaken else 0.0,
+                amplitude=motion.amplitude if oscillates else (),
+                rate=2 * math.pi * motion.frequency if oscillates else 0.0,
                 triangles=_triangles(wall, segments),
             )
         )
     return made
-
-
-def _moves(wall: WallShape) -> bool:
-    """Whether a wall changes its place."""
-    planes = _planes(wall)
-    return any(map(geometry_moves, planes)) if planes else geometry_moves(wall)
-
-
-def _planes(wall: WallShape) -> list[Plane]:
-    if isinstance(wall, Plane):
-        return [wall]
-    return wall.planes() if isinstance(wall, Box) else []
 
 
 def _triangles(wall: WallShape, segments: int) -> np.ndarray:
@@ -143,35 +120,14 @@ def _triangles(wall: WallShape, segments: int) -> np.ndarray:
     return wall.triangulate() if isinstance(wall, Mesh) else np.empty((0, 3, 3))
 
 
-def _way(motion: Motion | None, duration: float) -> float:
-    """The furthest that a motion without rotation takes a wall in a time [s]: [m]."""
-    if motion is None or motion.surface:
-        return 0.0
-    return math.hypot(*motion.velocity) * duration + math.hypot(*motion.amplitude)
-
-
-def _shaken(motion: Motion) -> bool:
-    return motion.frequency > 0 and any(motion.amplitude)
-
-
 def _plane(plane: Plane, scene: Scene, mask: int) -> str:
     """The call that makes a plane: one triangle that holds the plane's part in the domain.
 
-    It needs no inner edges. A `wall` of the program is infinite, but has the radius less the whole overlap as lever of
-    friction, and lies across an axis.
+    A `wall` of the program is infinite, but has the radius less the whole overlap as lever of friction, and lies across
+    an axis.
     """
-    low, high = np.array(scene.domain.lower), np.array(scene.domain.upper)
-    middle, normal = (low + high) / 2, np.array(plane.normal)
-    foot = middle - plane.signed_distance(middle[None])[0] * normal
-    # A circle about the foot of the domain's middle holds the plane's part in the domain, wherever the plane moves; an
-    # equilateral triangle holds a circle of half the distance of its corners. In periodic domains positions run on.
-    reach = 2 * (float(np.linalg.norm(high - low)) + _way(plane.motion, scene.duration))
-    reach *= PERIODS if any(scene.domain.periodic) else 1
-    square = plane.model_copy(update={"point": (0.0, 0.0, 0.0)}).triangulate()
-    u, v = (square[0, 1] - square[0, 0]) / 2, (square[0, 2] - square[0, 1]) / 2
-    angles = 2 * math.pi * np.arange(3) / 3
-    corners = [foot + reach * (math.cos(a) * u + math.sin(a) * v) for a in angles]
-    return f'facet([{", ".join(map(_vector, corners))}], material="{plane.material}", mask={mask})'
+    corners = ", ".join(map(_vector, triangle(plane, scene)))
+    return f'facet([{corners}], material="{plane.material}", mask={mask})'
 
 
 def _vector(values: tuple[float, ...] | np.ndarray) -> str:

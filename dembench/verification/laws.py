@@ -42,7 +42,8 @@ class NamedLaw:
             bound; `spring, dashpot kept`: the spring, and the dashpot acts beyond it, too.
         shear: Share of Mindlin's stiffness [-].
         shear_damping: Whether the shear has a dashpot.
-        history: What is remembered: the way of the slip, or the force.
+        history: What is remembered: the way of the slip, or the force; `force, less in unloading`: the force, which
+            goes back as the root of the overlap while bodies part.
         lever: Lever of friction: the radius less half the overlap, or the radius.
     """
 
@@ -56,7 +57,7 @@ class NamedLaw:
     limited: Literal["spring", "sum", "sum, spring wound back", "spring, dashpot kept"] = "spring"
     shear: float = 1.0
     shear_damping: bool = True
-    history: Literal["way", "force"] = "way"
+    history: Literal["way", "force", "force, less in unloading"] = "way"
     lever: Literal["reduced", "full"] = "reduced"
 
 
@@ -71,6 +72,15 @@ LAWS = (
         tension=False,
         damping="thornton",
         history="force",
+    ),
+    NamedLaw(
+        "thornton-sum",
+        "as thornton, the shear force less in unloading and bounded together with its dashpot",
+        "Kratos",
+        tension=False,
+        damping="thornton",
+        limited="sum",
+        history="force, less in unloading",
     ),
     NamedLaw(
         "two-thirds",
@@ -141,7 +151,8 @@ class Forces:
         self.linear = of_laws(law.spring == "linear" for law in laws)
         self.clipped = of_laws(law.tension is False for law in laws) > 0
         self.half = of_laws(0.5 * (law.lever == "reduced") for law in laws)
-        self.force_kept = of_laws(law.history == "force" for law in laws) > 0
+        self.force_kept = of_laws(law.history != "way" for law in laws) > 0
+        self.goes_back = of_laws(law.history == "force, less in unloading" for law in laws) > 0
         self.by_spring = of_laws(law.bound == "spring" for law in laws) > 0
         self.wound_back = of_laws(law.limited == "sum, spring wound back" for law in laws) > 0
         self.sum_limited = self.wound_back | (of_laws(law.limited == "sum" for law in laws) > 0)
@@ -176,7 +187,10 @@ class Forces:
         cut, damper = np.clip(spring, -bound, bound), dashpot * vt * (bound > 0)
         shear = cut + np.where(slides & ~self.dashpot_kept, 0.0, damper)
         shear = np.where(self.sum_limited, np.clip(spring + damper, -bound, bound), shear)
-        return fn, shear, vt * np.where(self.force_kept, stiffness, 1.0) * (overlap > 0)
+        rate = vt * np.where(self.force_kept, stiffness, 1.0)
+        going = np.divide(np.maximum(vn, 0.0), 2 * overlap, out=np.zeros_like(overlap), where=overlap > 0)
+        rate = rate - np.where(self.goes_back, going * memory, 0.0)
+        return fn, shear, rate * (overlap > 0)
 
     def cut(
         self, overlap: np.ndarray, vn: np.ndarray, vt: np.ndarray, memory: np.ndarray

@@ -16,7 +16,7 @@ IMPULSE = {"peclet"}
 """Engines with implicit contacts: a symplectic step of first order, and a restitution with a tolerance of its own."""
 FIRST_ORDER = {*IMPULSE, "musen"}
 """Engines whose free fall is off by g t dt at most."""
-THORNTON = {"yade"}
+THORNTON = {"yade", "kratos"}
 """Engines that clip the tension and take their damping from Thornton's fit, which is off by up to 3e-4, instead."""
 
 

@@ -13,8 +13,8 @@ from deck_scenes import BOX, box, scene
 from launching import installed, meets_the_times, run
 from parts import DRUM
 
+from dembench.engines.script_runs import failure_in, last_step, timing_in
 from dembench.engines.yade import Yade
-from dembench.engines.yade_output import failure_in, last_step, timing_in
 from dembench.verification.laws import thornton_damping
 
 FLOOR = {"kind": "plane", "name": "floor", "material": "steel", "point": (0, 0, 0), "normal": (0, 0, 1)}

@@ -1,4 +1,7 @@
-"""What a Yade run writes: frames as arrays of NumPy, the tracks as one binary file, and notes about its progress."""
+"""What programs share that a script of the deck drives: the steps at which it writes, and what it wrote.
+
+Frames are arrays of NumPy, the tracks one binary file, and notes tell of its progress.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,14 @@ from dembench.engines.scene_queries import in_sink, observed_walls, steps_of
 from dembench.scene import Scene
 
 DECK, TRACKS, NOTES = "simulate.py", "tracks.bin", "progress.txt"
+
+
+def schedule(steps: list[int]) -> str:
+    """Steps as a Python expression: a range where they are evenly spaced."""
+    gaps = set(np.diff(steps).tolist())
+    if len(gaps) == 1:
+        return repr(range(steps[0], steps[-1] + 1, gaps.pop()))
+    return "{" + ", ".join(map(str, steps)) + "}" if steps else "()"
 
 
 def read_frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:
@@ -74,3 +85,9 @@ def timing_in(notes: str) -> Timing | None:
         return None
     set_up, loop, output, cpu = map(float, found.groups())
     return Timing(set_up=set_up, loop=loop, output=output, loop_cpu=cpu, source="engine")
+
+
+def counters_in(notes: str) -> dict[str, float]:
+    """The script's own figures: how often it sought neighbours."""
+    found = re.search(r"^searches (\d+)$", notes, re.M)
+    return {"neighbour searches": float(found[1])} if found else {}
