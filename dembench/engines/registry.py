@@ -14,6 +14,7 @@ BUILT_IN = {
     "lammps": "dembench.engines.lammps:Lammps",
     "musen": "dembench.engines.musen:Musen",
     "yade": "dembench.engines.yade:Yade",
+    "peclet-dem": "dembench.engines.peclet_dem:PecletDem",
 }
 GROUP = "dembench.engines"
 EXPLICIT = "peclet-hertz"
