@@ -207,16 +207,16 @@ class PecletDem(Engine):
         if asked.get("solver") == "impulse":
             asked = {"dt": repr(_step(scene)), **asked}
         made: PecletDemSettings = super().settings(scene, division, asked)
-        if made.solver == "hertz":
-            if isinstance(scene.law, Rigid):
-                raise SettingsError(
-                    f"{self.name}[solver]: a scene with a rigid law has no stiffness; accepted: impulse"
-                )
-            for key in ("position_iterations", "velocity_iterations", "stabilization"):
-                if key in asked:
-                    raise SettingsError(
-                        f"{self.name}[{key}]: soft spheres have none; write solver=impulse,{key}={asked[key]}"
-                    )
+        if made.solver == "impulse":
+            if faults := _of_impulses(scene):
+                raise SettingsError(f"{self.name}[solver]: impulse cannot do this scene: {'; '.join(faults)}")
+            return made
+        if isinstance(scene.law, Rigid):
+            raise SettingsError(f"{self.name}[solver]: a rigid law has no stiffness; accepted is impulse, not hertz")
+        for key in ("position_iterations", "velocity_iterations", "stabilization"):
+            if key in asked:
+                text = f"soft spheres have none; write solver=impulse,{key}={asked[key]}"
+                raise SettingsError(f"{self.name}[{key}]: {text}")
         return made
 
     # ---- writing
