@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 from deck_scenes import BOX, VOID, box, drum, scene, two_spheres
-from parts import DRUM, TURNING
+from parts import DRUM
 
 from dembench.engines.base import SettingsError
 from dembench.engines.peclet_dem import PecletDem
