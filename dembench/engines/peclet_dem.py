@@ -208,7 +208,8 @@ class PecletDem(Engine):
             asked = {"dt": repr(_step(scene)), **asked}
         made: PecletDemSettings = super().settings(scene, division, asked)
         if made.solver == "impulse":
-            if faults := _of_impulses(scene):
+            faults = [] if isinstance(scene.law, Rigid) else _of_impulses(scene)  # the others `unsupported` tells
+            if faults:
                 raise SettingsError(f"{self.name}[solver]: impulse cannot do this scene: {'; '.join(faults)}")
             return made
         if isinstance(scene.law, Rigid):
