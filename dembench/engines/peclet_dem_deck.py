@@ -15,6 +15,8 @@ from dembench.scene import PairLaw, Region, Scene
 
 BEAT = 4e5
 """Particle-steps of soft spheres between two looks at the state; those of impulses are a tenth of it."""
+WEIGHTLESS = (0.0, 0.0, -1e-12)
+"""Gravity of scenes without it for the impulse solver, which has another method for none [m/s^2]."""
 FEW = 20
 """Bodies below which a step takes no less time."""
 
@@ -62,6 +64,7 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         "soft": soft,
         "count": len(scene.bodies),
         "steps": steps,
+        "gravity": scene.gravity if soft or any(scene.gravity) else WEIGHTLESS,
         "beat": min(max(1, round(beat)), steps),
         "smallest": scene.extreme_radii()[0],
         "materials": materials,
