@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dembench.scene import LinearSpring, Scene
-from dembench.scene.overlap import touching
+from dembench.scene.overlap import Touching
 
 
 class NormalSprings:
@@ -25,15 +25,16 @@ class NormalSprings:
         self._material = np.array([index[s.material] for s in scene.species])[scene.bodies.species]
         self._walls = [(wall, index[wall.material]) for wall in scene.walls]
 
-    def energy(self, position: np.ndarray, present: np.ndarray) -> float:
+    def energy(self, position: np.ndarray, present: np.ndarray, pairs: Touching) -> float:
         """Stored energy [J].
 
         Args:
             position: Centres of the bodies that are there [m], shape (k, 3).
             present: Their indices, shape (k,).
+            pairs: Those of them that overlap, as of `dembench.scene.overlap.touching`.
         """
         radius, material = self._radius[present], self._material[present]
-        i, j, overlap = touching(position, radius, self._scene.domain)
+        i, j, overlap = pairs
         reduced = radius[i] * radius[j] / (radius[i] + radius[j])
         total = self._stored(overlap, reduced, self._compliance[material[i]] + self._compliance[material[j]])
         for wall, own in self._walls:

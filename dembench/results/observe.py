@@ -23,7 +23,7 @@ from dembench.scene import (
     WallForce,
     ZoneCount,
 )
-from dembench.scene.overlap import largest_overlap
+from dembench.scene.overlap import Touching, touching
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,7 @@ class Observer:
         self._seen = np.zeros(len(self._times), dtype=bool)
         self._next = 0
         self._tracks: Any | None = None
+        self._pairs: tuple[Any, Touching] | None = None
 
     def update(self, frames: Sequence[Any], tracks: Any | None = None) -> None:
         """Uses the frames that are new since the last call and takes the tracks as they are now."""
@@ -168,9 +169,9 @@ class Observer:
             case Energy():
                 return {o.name: self._energy(frame)}
             case ElasticEnergy():
-                return {o.name: self._springs.energy(frame.position, frame.present)}
+                return {o.name: self._springs.energy(frame.position, frame.present, self._pairs_of(frame))}
             case Overlap():
-                return {o.name: largest_overlap(frame.position, self._radii[frame.present], self.scene.domain)}
+                return {o.name: float(self._pairs_of(frame)[2].max(initial=0.0))}
             case WallForce():
                 return {o.name: frame.wall_forces[o.wall]}
             case Count():
@@ -190,6 +191,12 @@ class Observer:
             0.5 * float(inertia @ (frame.angular_velocity**2).sum(axis=1)),
             -float(mass @ (frame.position @ np.array(self.scene.gravity))),
         )
+
+    def _pairs_of(self, frame: Any) -> Touching:
+        """Pairs that overlap in a frame; they are sought once for all that is observed of it."""
+        if self._pairs is None or self._pairs[0] is not frame:
+            self._pairs = frame, touching(frame.position, self._radii[frame.present], self.scene.domain)
+        return self._pairs[1]
 
     @cached_property
     def _springs(self) -> NormalSprings:

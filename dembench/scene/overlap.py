@@ -9,16 +9,17 @@ from scipy.spatial import cKDTree
 
 from dembench.scene.scene import Domain
 
+Touching = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Pairs that overlap: indices of both, shape (k,), and overlaps [m], shape (k,)."""
+
 
 def largest_overlap(position: np.ndarray, radius: np.ndarray, domain: Domain | None = None) -> float:
     """Largest overlap of two spheres [m], 0 where none touch; for the arguments see `touching`."""
     return float(touching(position, radius, domain)[2].max(initial=0.0))
 
 
-def touching(
-    position: np.ndarray, radius: np.ndarray, domain: Domain | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All pairs of spheres that overlap: indices of both, shape (k,), and overlaps [m], shape (k,).
+def touching(position: np.ndarray, radius: np.ndarray, domain: Domain | None = None) -> Touching:
+    """All pairs of spheres that overlap.
 
     The spheres are sorted into classes of size, each within a factor of two, so that the search radius of the small
     ones does not grow with the largest body.

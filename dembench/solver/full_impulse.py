@@ -180,7 +180,7 @@ class FullImpulses:
         inputs = [s.n, s.total, self.dt, self._weight, s.bodies, s.lists, s.walls.record, *self._tables]
         self._launch(k.measure, s.total, *inputs, control, clock, self._needs)
         self._launch_blocks(k.gather, BLOCKS, s.total, self._needs, self._gathered)
-        self._launch(k.divide, 1, self.substeps, self.dt, self._gathered, control, clock, self._stepping)
+        self._launch(k.divide, 1, s.total, self.substeps, self.dt, self._gathered, control, clock, self._stepping)
         wp.capture_while(self._stepping, self._make_substep)
 
     def _make_substep(self) -> None:

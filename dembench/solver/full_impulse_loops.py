@@ -144,6 +144,7 @@ def loop_kernels(o: CompliantOptions) -> Any:
     @wp.kernel(enable_backward=False, module="unique")
     def divide(
         # inputs
+        bodies: int,
         substeps: int,
         dt: wp.float64,
         gathered: wp.array(dtype=vec4d),
@@ -163,7 +164,7 @@ def loop_kernels(o: CompliantOptions) -> Any:
             control[WITHIN] = 0
             control[LEFT] = substeps
         if substeps == 0:
-            control[LEFT] = wp.max(int(wp.ceil(ahead * rate(need))), 1)
+            control[LEFT] = wp.max(int(wp.ceil(ahead * rate(need, bodies))), 1)
         clock[H] = ahead / wp.float64(control[LEFT])
         clock[FASTEST] = wp.sqrt(fastest)
         stepping[0] = 1

@@ -212,7 +212,7 @@ def compliant_kernel(o: CompliantOptions) -> Any:
                     if wp.static(threads):
                         need = of_all(need, travel, part, parts, state)
                     if going == 1:
-                        left = wp.max(int(wp.ceil(ahead * rate(need))), 1)
+                        left = wp.max(int(wp.ceil(ahead * rate(need, total))), 1)
                 if going == 1:
                     h = ahead / wp.float64(left)
                     f = h * gravity

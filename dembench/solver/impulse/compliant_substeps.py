@@ -11,6 +11,10 @@ the substeps that it needs.
 A collision is the law's up to h omega = 2. In a pile at rest one sweep finds the forces up to 1.2; beyond that those of
 a sweep and of the next, which goes the other way, differ by up to 0.5 % about the right mean. So the root mean square
 of omega over the contacts that touch, at their present overlaps, has its own bound.
+
+The bounds hold for bodies with up to `CROWDED` contacts. A body moves with the stiffness of all its contacts together:
+where there are z of them for each body, frequencies are higher by sqrt(z/CROWDED). Spheres that are let go on one point
+have such crowds.
 """
 
 from functools import cache
@@ -31,6 +35,8 @@ STIFFEST = 2.0
 """Largest substep times the frequency of the stiffest contact."""
 USUAL = 0.8
 """Largest substep times the root mean square of the frequencies of contacts."""
+CROWDED = 8.0
+"""Mean number of contacts of a body up to which that number does not matter; in piles it is 4 to 7."""
 
 
 @cache
@@ -40,8 +46,8 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     `of_two` and `at_wall` are those of a single contact, whatever the lists.
 
     A need is a vector: the largest omega^10, which is (3/2 kn/m*)^5 d_max^(5/2) and needs no root; the sum of omega^2
-    of those that touch; their number. rate(need) is the least number of substeps per time. `fall` is the change
-    of speed by gravity within the time.
+    of those that touch; their number. rate(need, bodies) is the least number of substeps per time for so many bodies.
+    `fall` is the change of speed by gravity within the time.
     """
     t = types(o.law.precision)
     real, Bodies, PairClass, Lists = t.real, t.Bodies, t.PairClass, t.Lists
@@ -217,10 +223,11 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         return need
 
     @wp.func
-    def rate(need: wp.vec3d):
+    def rate(need: wp.vec3d, bodies: int):
         usual = wp.sqrt(need[1] / wp.max(need[2], wp.float64(1.0)))
         stiffest = wp.pow(need[0], wp.float64(0.1))
-        return wp.max(stiffest / wp.float64(STIFFEST), usual / wp.float64(USUAL))
+        crowd = wp.max(wp.float64(2.0) * need[2] / (wp.float64(bodies) * wp.float64(CROWDED)), wp.float64(1.0))
+        return wp.sqrt(crowd) * wp.max(stiffest / wp.float64(STIFFEST), usual / wp.float64(USUAL))
 
     @wp.func
     def of_all(
