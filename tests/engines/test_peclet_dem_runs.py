@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from deck_scenes import BOX, box, scene
 from launching import installed, run
-from parts import DRUM, GLASS
+from parts import DRUM
 
 from dembench.engines.peclet_dem import PecletDem
 from dembench.scene import Scene

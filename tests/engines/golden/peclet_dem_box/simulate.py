@@ -38,7 +38,7 @@ sim.set_velocities(single(bodies[:, 5:8]))
 sim.set_angular_velocities(single(bodies[:, 8:11]))
 
 # ---- materials, and what belongs to each pair of them
-sim.set_material_params(restitution_normal=0.0, restitution_tangent=0.0, friction=0.5)
+sim.set_material_params(restitution_normal=0.0, restitution_tangent=0.0, friction=0.0)
 sim.set_material_ids(material.tolist())
 sim.set_hertz_material(0, youngs=10000000.0, poisson=0.2)  # glass
 sim.set_hertz_material(1, youngs=210000000000.0, poisson=0.2)  # steel
@@ -48,11 +48,11 @@ sim.set_pair_material(1, 1, restitution=0.6, friction=0.5)  # steel, steel
 
 # ---- walls: distances on grids; their materials come last, since walls that are added or moved forget them
 wall = np.asfortranarray(np.load("wall_box_0.npy"))
-sim.add_sdf_wall(wall, (-0.048, -0.06, -0.06), (0.012, 0.06, 0.06), friction=0.5)
+sim.add_sdf_wall(wall, (-0.048, -0.06, -0.06), (0.012, 0.06, 0.06))
 wall = np.asfortranarray(np.load("wall_box_1.npy"))
-sim.add_sdf_wall(wall, (-0.12, -0.072, -0.12), (0.06, 0.012, 0.06), friction=0.5)
+sim.add_sdf_wall(wall, (-0.12, -0.072, -0.12), (0.06, 0.012, 0.06))
 wall = np.asfortranarray(np.load("wall_box_2.npy"))
-sim.add_sdf_wall(wall, (-0.12, -0.12, -0.084), (0.06, 0.06, 0.024), friction=0.5)
+sim.add_sdf_wall(wall, (-0.12, -0.12, -0.084), (0.06, 0.06, 0.024))
 sim.set_wall_material_id(0, 1)
 sim.set_wall_material_id(1, 1)
 sim.set_wall_material_id(2, 1)

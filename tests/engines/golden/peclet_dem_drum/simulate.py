@@ -35,7 +35,7 @@ sim.set_velocities(single(bodies[:, 5:8]))
 sim.set_angular_velocities(single(bodies[:, 8:11]))
 
 # ---- materials, and what belongs to each pair of them
-sim.set_material_params(restitution_normal=0.0, restitution_tangent=0.0, friction=0.3)
+sim.set_material_params(restitution_normal=0.0, restitution_tangent=0.0, friction=0.0)
 sim.set_material_ids(material.tolist())
 sim.set_hertz_material(0, youngs=10000000.0, poisson=0.2)  # glass
 sim.set_hertz_material(1, youngs=210000000000.0, poisson=0.2)  # steel
@@ -44,9 +44,9 @@ sim.set_pair_material(1, 0, restitution=0.4, friction=0.2)  # steel, glass
 
 # ---- walls: distances on grids; their materials come last, since walls that are added or moved forget them
 wall = np.asfortranarray(np.load("wall_drum_0.npy"))
-sim.add_sdf_wall(wall, (-0.12, -0.072, -0.12), (0.06, 0.012, 0.06), friction=0.3)
+sim.add_sdf_wall(wall, (-0.12, -0.072, -0.12), (0.06, 0.012, 0.06))
 wall = np.asfortranarray(np.load("wall_drum_1.npy"))
-sim.add_sdf_wall(wall, (-0.032, -0.06, -0.032), (0.001, 0.06, 0.001), friction=0.3)
+sim.add_sdf_wall(wall, (-0.032, -0.06, -0.032), (0.001, 0.06, 0.001))
 sim.set_wall_velocity(0, (0.0, 0.0, 0.0), (0.0, -2.0, 0.0), (0.0, 0.0, 0.0))
 sim.set_wall_velocity(1, (0.0, 0.0, 0.0), (0.0, -2.0, 0.0), (0.0, 0.0, 0.0))
 sim.set_wall_material_id(0, 1)

@@ -35,14 +35,14 @@ sim.set_velocities(single(bodies[:, 5:8]))
 sim.set_angular_velocities(single(bodies[:, 8:11]))
 
 # ---- materials, and what belongs to each pair of them; the tangential restitution is that of all pairs
-sim.set_material_params(restitution_normal=0.0, restitution_tangent=0.25, friction=0.3)
+sim.set_material_params(restitution_normal=0.0, restitution_tangent=0.25, friction=0.0)
 sim.set_material_ids(material.tolist())
 sim.set_pair_material(0, 0, restitution=0.5, friction=0.3)  # glass, glass
 sim.set_pair_material(1, 0, restitution=0.5, friction=0.3)  # steel, glass
 
 # ---- walls: distances on grids; their materials come last, since walls that are added or moved forget them
 wall = np.asfortranarray(np.load("wall_floor_0.npy"))
-sim.add_sdf_wall(wall, (-0.12, -0.12, -0.038000000000000006), (0.06, 0.06, 0.006), friction=0.3)
+sim.add_sdf_wall(wall, (-0.12, -0.12, -0.038000000000000006), (0.06, 0.06, 0.006))
 sim.set_wall_material_id(0, 1)
 
 # ---- the step
