@@ -307,18 +307,18 @@ def test_rigid_bodies_have_tangential_restitution_without_gravity(tmp_path: Path
 
 
 def test_a_column_of_rigid_spheres_rests(tmp_path: Path) -> None:
-    """Ten of 1.5 mm with the usual sweeps: overlaps stay below 1e-4 of the radius, speeds at some g dt."""
+    """Twenty of 1.5 mm with the usual sweeps: overlaps stay below 1e-3 of the radius, speeds at 40 g dt."""
     made = scene(
         law={"kind": "rigid"},
         walls=(FLOOR,),
-        bodies={"position": [[0, 0, RADIUS * (1 + 2 * k)] for k in range(10)]},
-        domain={"lower": (-0.03,) * 3, "upper": (0.03, 0.03, 0.06)},
+        bodies={"position": [[0, 0, RADIUS * (1 + 2 * k)] for k in range(20)]},
+        domain={"lower": (-0.03,) * 3, "upper": (0.03, 0.03, 0.09)},
         duration=0.2,
         observables=({"kind": "energy", "name": "energy", "interval": 0.1},),
     )
     last = last_of(made, tmp_path)
-    assert np.diff(last.position[:, 2]) == pytest.approx(np.full(9, 2 * RADIUS), abs=2e-4 * RADIUS)
-    assert np.abs(last.velocity).max() < 0.02
+    assert np.diff(last.position[:, 2]) == pytest.approx(np.full(19, 2 * RADIUS), abs=1e-3 * RADIUS)
+    assert np.abs(last.velocity).max() < 0.03
 
 
 def test_a_layer_between_periodic_sides_rests_on_its_floor(tmp_path: Path) -> None:

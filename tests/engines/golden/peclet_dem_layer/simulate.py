@@ -49,7 +49,7 @@ sim.set_wall_material_id(0, 1)
 sim.set_gravity((0.0, 0.0, -9.81))
 sim.set_sleeping(False)
 sim.set_dt(6.666666666666667e-05)
-sim.set_solver_iterations(pos=12, vel=30)
+sim.set_solver_iterations(pos=30, vel=8)
 sim.set_stabilization("onesided")
 advance = sim.step
 
