@@ -20,7 +20,8 @@ What to know of it, measured:
 - Everything is in single precision. A body at x with a speed v stands still where v dt is less than 3e-8 x: one of 3
   mm/s at .1 m in steps of 1 us did not move. Restitution of two equal spheres (e = .5, +-.5 m/s, dt = 1 us): .49949 for
   E = 1e7, .49917 for E = 1e9; in double precision the same sums give .49986 and .50257.
-- Steps are those of symplectic Euler with soft spheres: a body in free fall is ahead by g t dt / 2.
+- Steps are those of symplectic Euler with soft spheres: velocities are those of half a step before, and a body in free
+  fall is ahead by g t dt / 2.
 - Soft spheres know four walls and no periodic domain; neither solver tells the forces on walls.
 - Sweeps carry a weight through few layers: with 12 and 8 a column of 10 spheres rests, one of 20 that starts without
   impulses gets into itself by 4 % of a diameter; with 30 and 10 it rests. `stabilization` changed nothing there. A bed
