@@ -15,11 +15,11 @@ from dembench.runs.environment import available_cores
 from dembench.runs.plan import RequestError
 from dembench.throughput import machine, rates
 from dembench.throughput.rates import Rate, settings_text
-from dembench.throughput.scenes import SCENES, SERIES, names, timed
+from dembench.throughput.scenes import SCENES, SERIES, WIDE, names, timed
 
 
 def bench(
-    scene: Annotated[str, typer.Option(help=f"scenes, as a,b: {', '.join(SCENES)}; {SERIES}: all of its sizes")],
+    scene: Annotated[str, typer.Option(help=f"scenes, as a,b: {', '.join(SCENES)}; {SERIES}, {WIDE}: all of theirs")],
     engines: Engines = None,
     cores: Annotated[str, typer.Option(help="numbers of cores, as 1,2")] = "1",
     repeat: Annotated[int, typer.Option(min=5, help="samples of each rate, interleaved; one more warms up")] = 5,

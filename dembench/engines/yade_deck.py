@@ -90,9 +90,7 @@ def _pairs(scene: Scene) -> list[PairLaw]:
 
 def _pair(scene: Scene, pair: PairLaw) -> dict[str, Any]:
     """Numbers of a pair: its restitution, or the ratio sqrt(5/6) b of its dashpots, and its angle of friction."""
-    log = math.log(pair.restitution)
-    ratio = math.sqrt(5 / 6) * -log / math.hypot(math.pi, log)
-    damping = ratio if clipped(scene) else pair.restitution
+    damping = math.sqrt(5 / 6) * pair.damping_ratio() if clipped(scene) else pair.restitution
     return {"a": pair.a, "b": pair.b, "damping": repr(damping), "angle": repr(math.atan(pair.friction))}
 
 

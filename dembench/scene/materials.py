@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -86,3 +87,8 @@ class PairLaw(Model):
     friction: NotNegative
     tangential_restitution: Annotated[float, Field(ge=-1, le=1)] | None = None
     rolling_friction: NotNegative = 0.0
+
+    def damping_ratio(self) -> float:
+        """b = -ln e/sqrt(ln^2 e + pi^2) [-], 1 for e = 0 (Y. Tsuji et al. 1992, Powder Technol. 71, 239)."""
+        e = self.restitution
+        return math.log(1 / e) / math.hypot(math.log(e), math.pi) if e else 1.0

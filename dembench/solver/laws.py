@@ -91,9 +91,7 @@ class Elastic:
         for m in (a, b):
             compliance += (1 - m.poisson**2) / m.young
             shear += (2 - m.poisson) * 2 * (1 + m.poisson) / m.young
-        e = law.restitution
-        damping = math.log(1 / e) / math.hypot(math.log(e), math.pi) if e else 1.0
-        return cls(1 / compliance, 1 / shear, damping)
+        return cls(1 / compliance, 1 / shear, law.damping_ratio())
 
 
 def pair_constants(scene: Scene, a: str, b: str, radius: float, mass: float, units: Units) -> dict[str, float]:

@@ -38,6 +38,11 @@ TILES = {"1k": (1, 2), "5k": (2, 5), "25k": (5, 10), "100k": (10, 20), "500k": (
 """Tiles of 500 grains along both edges of the bed by its size."""
 SERIES = "scaling"
 """Name that stands for the bed in all its sizes."""
+WIDE, RATIOS, WIDE_TILES = "wide", (1, 10, 100), (22, 22)
+"""Name that stands for a bed with balls of these sizes over that of its grains, where 1 is the bed alone; its tiles
+along both edges, more than 100 grain diameters."""
+WIDE_SPEED = 1.0
+"""Speed at which these balls are set down [m/s]: what is timed is the search for neighbours, not an impact."""
 
 
 @dataclass(frozen=True)
@@ -97,16 +102,16 @@ def _ending(scene: Scene, steps: int) -> Scene:
 
 
 def names(text: str) -> list[str]:
-    """Names of scenes from a text such as `bed25k,scaling`; the series stands for all its members.
+    """Names of scenes from a text such as `bed25k,scaling`; a series stands for all its members.
 
     Raises:
         RequestError: A scene is not known.
     """
     found: list[str] = []
     for name in (part.strip() for part in text.split(",")):
-        members = [f"{SERIES}-{size}" for size in TILES] if name == SERIES else [name]
+        members = [known for known in SCENES if known.startswith(f"{name}-")] if name in (SERIES, WIDE) else [name]
         if members[0] not in SCENES:
-            raise RequestError(f"scene '{name}' is not known; accepted are {', '.join(SCENES)}, {SERIES}")
+            raise RequestError(f"scene '{name}' is not known; accepted are {', '.join(SCENES)}, {SERIES}, {WIDE}")
         found += [member for member in members if member not in found]
     return found
 
@@ -118,16 +123,20 @@ def _impact(ball: bool, initial: Path | None, progress: Progress | None) -> Scen
     """The settled bed of case 3, alone or with the ball just above it."""
     scene = _bulk("case3", "impact 25k", initial, progress)
     position, velocity = scene.bodies.position.copy(), scene.bodies.velocity.copy()
-    grains, radii = position[:-1], scene.radii()
+    grains = position[:-1]
     if not ball:
         return scene.model_copy(update={"bodies": Bodies(position=grains), "species": scene.species[:1]})
-    reach = radii[-1] + radii[:-1]
-    aside = np.linalg.norm(grains[:, :2] - position[-1, :2], axis=1)
-    under = aside < reach
-    top = float((grains[under, 2] + np.sqrt(reach[under] ** 2 - aside[under] ** 2)).max())
-    position[-1, 2], velocity[-1] = top + BALL_GAP, (0, 0, -BALL_SPEED)
+    radii = scene.radii()
+    position[-1, 2] = _above(grains, radii[-1] + radii[:-1], position[-1, :2])
+    velocity[-1] = (0, 0, -BALL_SPEED)
     bodies = Bodies(position=position, velocity=velocity, species=scene.bodies.species)
     return scene.model_copy(update={"bodies": bodies})
+
+
+def _above(grains: np.ndarray, reach: np.ndarray | float, point: np.ndarray) -> float:
+    """Height at which a ball hangs `BALL_GAP` above grains that it touches within `reach` of their centres [m]."""
+    aside = np.linalg.norm(grains[:, :2] - point, axis=1)
+    return float((grains[:, 2] + np.sqrt(np.maximum(reach**2 - aside**2, 0)))[aside < reach].max()) + BALL_GAP
 
 
 def _bulk(case_name: str, file: str, initial: Path | None, progress: Progress | None) -> Scene:
@@ -152,6 +161,27 @@ def _tiled(tiles: tuple[int, int], initial: Path | None, progress: Progress | No
     edge = WIDTH * SPACING * RADIUS
     offsets = edge * np.stack(np.meshgrid(*map(np.arange, tiles), [0], indexing="ij"), axis=-1).reshape(-1, 1, 3)
     return _between_periodic_sides((tile + offsets).reshape(-1, 3), (tiles[0] * edge, tiles[1] * edge))
+
+
+def _wide(ratio: int, initial: Path | None, progress: Progress | None) -> Scene:
+    """The bed of `WIDE_TILES` with a ball `ratio` times as large as its grains just above it; with 1 the bed alone."""
+    bed = _tiled(WIDE_TILES, initial, progress)
+    if ratio == 1:
+        return bed
+    grains, radius = bed.bodies.position, ratio * RADIUS
+    middle = 0.5 * np.array(bed.domain.upper[:2])
+    height = _above(grains, radius + RADIUS, middle)
+    motion = np.zeros((len(grains) + 1, 3))
+    motion[-1, 2] = -WIDE_SPEED
+    bodies = Bodies(
+        position=np.vstack([grains, [*middle, height]]),
+        velocity=motion,
+        species=np.append(np.zeros(len(grains), dtype=int), 1),
+    )
+    upper = (*bed.domain.upper[:2], height + radius + 2 * RADIUS)
+    ball = Species(name="ball", material="solid", radius=radius)
+    changes = {"bodies": bodies, "species": (*bed.species, ball), "name": f"wide_{ratio}"}
+    return bed.model_copy(update={**changes, "domain": bed.domain.model_copy(update={"upper": upper})})
 
 
 def _settled() -> np.ndarray:
@@ -193,5 +223,6 @@ SCENES: dict[str, Callable[[Path | None, Progress | None], Scene]] = {
     "drum38k": partial(_bulk, "case2", "drum"),
     "silo100k": partial(_bulk, "case1", "silo large M1"),
     **{f"{SERIES}-{size}": partial(_tiled, tiles) for size, tiles in TILES.items()},
+    **{f"{WIDE}-{ratio}": partial(_wide, ratio) for ratio in RATIOS},
 }
 """What makes a scene from the directory of published states, or from what dembench makes itself, by name."""

@@ -223,7 +223,7 @@ def advanced(
     return moving.bounded(state + h / 6 * (a + 2 * b + 2 * c + moving.rate(state + h * c)))
 
 
-def damping_ratio(restitution: np.ndarray) -> np.ndarray:
+def damping_ratio(restitution: np.ndarray | float) -> np.ndarray:
     """b = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al. 1992)."""
     log = np.log(restitution)
     return np.asarray(-log / np.hypot(log, np.pi))

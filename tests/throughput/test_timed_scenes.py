@@ -78,3 +78,17 @@ def test_the_ball_is_just_above_the_bed_or_left_out(small_scene: Any, monkeypatc
     lowered[-1, 2] -= scenes.BALL_GAP
     apart = np.linalg.norm(lowered[:-1] - lowered[-1], axis=1) - hit.radii()[:-1] - hit.radii()[-1]
     assert apart.min() == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("ratio", [10, 100])
+def test_a_ball_of_any_size_hangs_above_the_same_bed(ratio: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has room beside its own image, and lowered by its gap it touches the highest grain below it."""
+    monkeypatch.setattr(scenes, "cached", lambda *_: np.random.default_rng(0).uniform(0, 11.5e-3, (500, 3)))
+    alone, with_ball = (SCENES[f"wide-{k}"](None, None) for k in (1, ratio))
+    assert names("wide") == [f"wide-{k}" for k in (1, 10, 100)]
+    assert np.array_equal(with_ball.bodies.position[:-1], alone.bodies.position)
+    radius = with_ball.radii()[-1]
+    assert radius == pytest.approx(ratio * scenes.RADIUS)
+    assert 2 * radius < min(with_ball.domain.upper[:2])
+    offset = with_ball.bodies.position[-1] - (0, 0, scenes.BALL_GAP) - alone.bodies.position
+    assert np.linalg.norm(offset, axis=1).min() == pytest.approx(radius + scenes.RADIUS, rel=1e-12)

@@ -14,7 +14,7 @@ from dembench.cli import app
 from dembench.runs.plan import EngineChoice, RequestError
 from dembench.scene.checks import check_scene
 from dembench.verification.maps import breaking, families, grains, impacts, lattices, store
-from dembench.verification.maps.bounds import Pair, critical_step, damping_ratio, largest_frequency
+from dembench.verification.maps.bounds import Pair, critical_step, hertz_damping, largest_frequency
 from dembench.verification.maps.breaking import Outcome
 from dembench.verification.maps.rigs import AXES
 from dembench.verification.maps.search import Search
@@ -60,11 +60,11 @@ def test_the_undamped_bound_of_an_impact_is_half_the_contact_time() -> None:
 
 def test_the_damped_bound_is_where_central_differences_with_a_lagging_dashpot_lose_stability() -> None:
     """The recursion v += (-w^2 x - 2 z w v) dt, x += v dt has an eigenvalue of -1 exactly at the bound."""
-    z = damping_ratio(0.3)
+    z = hertz_damping(0.3)
     step = critical_step(1.0, z)
     matrix = np.array([[1 - step**2, step - 2 * z * step**2], [-step, 1 - 2 * z * step]])
     assert np.min(np.linalg.eigvals(matrix).real) == pytest.approx(-1, abs=1e-12)
-    assert damping_ratio(1.0) == 0
+    assert hertz_damping(1.0) == 0
 
 
 # ---- rigs
@@ -98,7 +98,7 @@ def test_impacts_of_a_rig_have_one_bound() -> None:
         mass = rig.scene.masses()[cell.bodies[0]]
         pair = Pair(cell.at["stiffness"], impacts.POISSON, (radius, radius), (mass, mass))
         frequency = math.sqrt(pair.normal(pair.impact_overlap(cell.at["speed"])) / pair.mass)
-        own = critical_step(frequency, damping_ratio(cell.at["restitution"]))
+        own = critical_step(frequency, hertz_damping(cell.at["restitution"]))
         assert own == pytest.approx(rig.bound, rel=1e-9)
 
 

@@ -14,6 +14,7 @@ from dembench.verification.checks import Check, Experiment, deviation, on_one_sc
 from dembench.verification.closed_forms import chains
 from dembench.verification.closed_forms.oblique import COULOMB, about_contact, from_coulomb
 from dembench.verification.closed_forms.volleys import Volley, angles
+from dembench.verification.laws import damping_ratio
 from dembench.verification.scenes import MOTION, Body, Kind, every, floor, scene_of
 
 SOURCE = "MFiX verification manual; Garg et al. 2012"
@@ -49,7 +50,7 @@ def spring_fall(stiffness: float, restitution: float) -> tuple[float, float]:
     """
     mass = DENSITY * 4 / 3 * math.pi * RADIUS**3
     w = math.sqrt(stiffness / mass)
-    b = -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
+    b = float(damping_ratio(restitution))
     damped, sunk = w * math.sqrt(1 - b * b), GRAVITY / w**2
     beta = (b * w * sunk - FALL_SPEED) / damped
 

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dembench.verification.laws import damping_ratio
+
 
 @dataclass(frozen=True)
 class Pair:
@@ -69,13 +71,9 @@ class Pair:
         return 8 * shear * math.sqrt(self.radius * overlap)
 
 
-def damping_ratio(restitution: float) -> float:
-    """Damping ratio of the Hertz dashpot with the stiffness at an overlap, sqrt(5/6) b [-].
-
-    b = -ln e/sqrt(pi^2 + ln^2 e) (Y. Tsuji, T. Tanaka & T. Ishida 1992, Powder Technol. 71, 239).
-    """
-    log = -math.log(restitution)
-    return math.sqrt(5 / 6) * log / math.hypot(math.pi, log)
+def hertz_damping(restitution: float) -> float:
+    """Damping ratio of the Hertz dashpot with the stiffness at an overlap, sqrt(5/6) b [-]."""
+    return math.sqrt(5 / 6) * float(damping_ratio(restitution))
 
 
 def critical_step(frequency: float, damping: float = 0.0) -> float:

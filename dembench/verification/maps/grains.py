@@ -10,7 +10,7 @@ import numpy as np
 
 from dembench.results import Result
 from dembench.scene import Bodies, Domain, Material, PairLaw, Scene, Snapshot, Species
-from dembench.verification.maps.bounds import Pair, critical_step, damping_ratio
+from dembench.verification.maps.bounds import Pair, critical_step, hertz_damping
 from dembench.verification.maps.breaking import Outcome, of_impact
 from dembench.verification.maps.rigs import DENSITY, POISSON, Cell, Family, Rig, rayleigh_time
 
@@ -93,7 +93,7 @@ def _bound_over_radius(ratio: float, restitution: float) -> float:
     """Bound of a light grain between two contacts over its radius [s/m]; the damping is that of the reduced mass."""
     pair, light = _pair(ratio), _pair(1.0).masses[0]
     frequency = math.sqrt(2 * pair.normal(SOFTNESS * RADIUS) / light)
-    return critical_step(frequency, damping_ratio(restitution) * math.sqrt(2 * pair.mass / light)) / RADIUS
+    return critical_step(frequency, hertz_damping(restitution) * math.sqrt(2 * pair.mass / light)) / RADIUS
 
 
 def _pair(ratio: float) -> Pair:

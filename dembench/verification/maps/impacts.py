@@ -10,7 +10,7 @@ import numpy as np
 
 from dembench.results import Result
 from dembench.scene import Bodies, Domain, Material, PairLaw, Scene, Snapshot, Species
-from dembench.verification.maps.bounds import Pair, critical_step, damping_ratio
+from dembench.verification.maps.bounds import Pair, critical_step, hertz_damping
 from dembench.verification.maps.breaking import Outcome, of_impact
 from dembench.verification.maps.rigs import DENSITY, POISSON, Cell, Family, Rig, rayleigh_time
 
@@ -101,7 +101,7 @@ def _energy(velocity: np.ndarray) -> float:
 
 def _radius(speed: float, restitution: float) -> float:
     """Radius with the bound of the elastic pair at the reference speed: r v^(-1/5) times that of the damping [m]."""
-    damped = critical_step(2.0, damping_ratio(restitution))
+    damped = critical_step(2.0, hertz_damping(restitution))
     return float(RADIUS * (speed / REFERENCE) ** 0.2 / damped)
 
 

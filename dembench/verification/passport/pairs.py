@@ -196,6 +196,6 @@ def clipped_restitution(e: float) -> float:
     Schwager & Poeschel 2007, doi 10.1007/s10035-007-0065-z, for the linear spring; the spring of Hertz with the
     dashpot of Tsuji et al. gives the same.
     """
-    b = float(damping_ratio(np.array(e)))
+    b = float(damping_ratio(e))
     root = float(np.sqrt(1 - b * b))
     return float(np.exp(-b / root * (np.pi - np.arctan2(2 * b * root, 1 - 2 * b * b))))

@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 from dembench.results import Result
 from dembench.scene import Bodies, Domain, Material, PairLaw, Plane, Scene, Snapshot, Species
 from dembench.verification.checks import Check, Experiment, Suite, on_one_scene
+from dembench.verification.laws import damping_ratio
 
 RADIUS, DENSITY, POISSON = 5e-3, 2500.0, 0.3
 ROWS, SPEED, YOUNG = 16, 2.0, 1e8
@@ -61,7 +62,7 @@ def collision(restitution: float) -> Collision:
     elastic = 2 * math.sqrt(math.pi) * math.gamma(1.4) / (math.gamma(0.9)) * deepest / SPEED
     if restitution == 1:
         return Collision(elastic, 1.0)
-    damping = -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
+    damping = float(damping_ratio(restitution))
 
     def motion(_: float, state: np.ndarray) -> list[float]:
         x, v = max(state[0], 0.0), state[1]
