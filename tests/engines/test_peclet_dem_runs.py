@@ -342,6 +342,26 @@ def test_a_layer_between_periodic_sides_rests_on_its_floor(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("overrides", [{}, IMPULSE], ids=["hertz", "impulse"])
+def test_what_leaves_through_a_sink_no_longer_matters(overrides: dict[str, str], tmp_path: Path) -> None:
+    """Two grains rise into a sink above the floor, a third falls into it; the one on the floor stays where it is."""
+    made = scene(
+        walls=(FLOOR,),
+        bodies={
+            "position": [[0, 0, RADIUS], [0.005, 0, 0.009], [0.009, 0, 0.009], [0.005, 0, 0.025]],
+            "velocity": [[0, 0, 0], [0, 0, 1], [0, 0, 1], [0, 0, 0]],
+        },
+        sinks=({"name": "above", "region": {"lower": (None, None, 0.011), "upper": (None, None, 0.02)}},),
+        observables=({"kind": "count", "name": "all", "interval": 1e-3},),
+        duration=0.04,
+    )
+    frames = run(installed("peclet-dem"), made, tmp_path, sink_interval="0.001", **overrides).frames
+    counts = [len(frame.present) for frame in frames]
+    assert counts[0] == 4 and counts[-1] == 1 and sorted(counts, reverse=True) == counts
+    assert frames[-1].present.tolist() == [0]
+    assert frames[-1].position[0] == pytest.approx([0, 0, RADIUS], abs=1e-5)
+
+
+@pytest.mark.parametrize("overrides", [{}, IMPULSE], ids=["hertz", "impulse"])
 def test_a_fixed_body_is_a_wall_and_a_locked_one_does_not_turn(overrides: dict[str, str], tmp_path: Path) -> None:
     """A glass grain meets a fixed one: -e times its speed; another slides over the floor of a box without turning."""
     made = scene(
