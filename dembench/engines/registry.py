@@ -15,6 +15,7 @@ BUILT_IN = {
     "musen": "dembench.engines.musen:Musen",
     "yade": "dembench.engines.yade:Yade",
     "kratos": "dembench.engines.kratos:Kratos",
+    "peclet-dem": "dembench.engines.peclet_dem:PecletDem",
 }
 GROUP = "dembench.engines"
 EXPLICIT = "peclet-hertz"

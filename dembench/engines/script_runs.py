@@ -1,4 +1,4 @@
-"""What programs share that a script of the deck drives: the steps at which it writes, and what it wrote.
+"""What programs share that a script of the deck drives: the initial state, the steps at which it writes, what it wrote.
 
 Frames are arrays of NumPy, the tracks one binary file, and notes tell of its progress.
 """
@@ -12,10 +12,23 @@ from pathlib import Path
 import numpy as np
 
 from dembench.engines.base import FRAMES, Frame, FrameFiles, Timing, Tracks
-from dembench.engines.scene_queries import in_sink, observed_walls, steps_of
+from dembench.engines.scene_queries import in_sink, materials_of, observed_walls, steps_of
 from dembench.scene import Scene
 
 DECK, TRACKS, NOTES = "simulate.py", "tracks.bin", "progress.txt"
+IDS_PER_LINE = 1000
+
+
+def write_bodies(scene: Scene, path: Path) -> None:
+    """The initial state of a scene, every number to its last bit; fixed bodies do not move."""
+    bodies = scene.bodies
+    fixed = [b for c in scene.constraints if c.kind == "fixed" for b in c.bodies]
+    still = np.isin(np.arange(len(bodies)), fixed)[:, None]
+    names = [m.name for m in materials_of(scene)]
+    kinds = np.array([names.index(s.material) for s in scene.species])[bodies.species]
+    motion = np.column_stack([bodies.velocity, bodies.angular_velocity])
+    table = np.column_stack([kinds, scene.radii(), bodies.position, np.where(still, 0, motion)])
+    np.savetxt(path, table, fmt="%d" + 10 * " %.17g", header="material radius x y z vx vy vz wx wy wz")
 
 
 def schedule(steps: list[int]) -> str:

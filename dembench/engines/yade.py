@@ -56,8 +56,17 @@ from dembench.engines.base import (
 from dembench.engines.flat_walls import meshed
 from dembench.engines.round_walls import FEWEST_SIDES, sides_for
 from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
-from dembench.engines.script_runs import DECK, NOTES, failure_in, last_step, read_frames, read_tracks, timing_in
-from dembench.engines.yade_deck import deck, write_bodies, write_triangles
+from dembench.engines.script_runs import (
+    DECK,
+    NOTES,
+    failure_in,
+    last_step,
+    read_frames,
+    read_tracks,
+    timing_in,
+    write_bodies,
+)
+from dembench.engines.yade_deck import deck, write_triangles
 from dembench.engines.yade_walls import built, refused
 from dembench.scene import HertzMindlin, Scene, features
 from dembench.scene.base import Positive

@@ -18,11 +18,10 @@ from dembench.engines.scene_queries import (
     pairs_of,
     steps_of,
 )
-from dembench.engines.script_runs import schedule
+from dembench.engines.script_runs import IDS_PER_LINE, schedule
 from dembench.engines.yade_walls import STAYS, Built, across, built
 from dembench.scene import PairLaw, Region, Scene, features
 
-IDS_PER_LINE = 1000
 ROOM = 4.0
 """Length of the periodic cell along an axis that is not periodic, in lengths of the domain: no image is met there."""
 BLOCKED = {"fixed": "xyzXYZ", "kinematic": "xyzXYZ", "rotation-locked": "XYZ"}
@@ -106,18 +105,6 @@ def _within(region: Region) -> str:
         if bound is not None
     ]
     return f"({' and '.join(terms) or 'True'})"
-
-
-def write_bodies(scene: Scene, path: Path) -> None:
-    """The initial state of a scene, every number to its last bit; fixed bodies do not move."""
-    bodies = scene.bodies
-    fixed = [b for c in scene.constraints if c.kind == "fixed" for b in c.bodies]
-    still = np.isin(np.arange(len(bodies)), fixed)[:, None]
-    names = [m.name for m in materials_of(scene)]
-    kinds = np.array([names.index(s.material) for s in scene.species])[bodies.species]
-    motion = np.column_stack([bodies.velocity, bodies.angular_velocity])
-    table = np.column_stack([kinds, scene.radii(), bodies.position, np.where(still, 0, motion)])
-    np.savetxt(path, table, fmt="%d" + 10 * " %.17g", header="material radius x y z vx vy vz wx wy wz")
 
 
 def write_triangles(walls: list[Built], directory: Path) -> None:

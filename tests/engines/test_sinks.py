@@ -32,7 +32,7 @@ def stream(**changes: object) -> Scene:
     return scene(**{**given, **changes})
 
 
-@pytest.mark.parametrize("name", ["peclet", "peclet-hertz", "liggghts", "lammps", "yade", "kratos"])
+@pytest.mark.parametrize("name", ["peclet", "peclet-hertz", "liggghts", "lammps", "yade", "kratos", "peclet-dem"])
 def test_what_is_left_is_counted(name: str, tmp_path: Path) -> None:
     """Drop k has fallen by 3.1 mm k + 1 cm after sqrt(2 (3.1 mm k + 1 cm) / g); no one within 0.1 ms of a sample."""
     falling = stream()
@@ -47,7 +47,7 @@ def test_what_is_left_is_counted(name: str, tmp_path: Path) -> None:
     assert last.present.tolist() == list(range(21 - left[-1], 21)) and len(last.position) == left[-1]
 
 
-@pytest.mark.parametrize("name", ["peclet", "peclet-hertz", "liggghts", "lammps", "yade", "kratos"])
+@pytest.mark.parametrize("name", ["peclet", "peclet-hertz", "liggghts", "lammps", "yade", "kratos", "peclet-dem"])
 def test_a_tracked_body_that_leaves_ends_the_run(name: str, tmp_path: Path) -> None:
     track = {"kind": "trajectory", "name": "first", "body": 0, "interval": 5e-3, "track_interval": 5e-3}
     series = run(installed(name), stream(observables=(track,)), tmp_path)

@@ -14,15 +14,24 @@ from dembench.scene import Scene, scene_from
 
 IMPULSE = {"peclet"}
 """Engines with implicit contacts: a symplectic step of first order, and a restitution with a tolerance of its own."""
-FIRST_ORDER = {*IMPULSE, "musen"}
+FIRST_ORDER = {*IMPULSE, "musen", "peclet-dem"}
 """Engines whose free fall is off by g t dt at most."""
 THORNTON = {"yade", "kratos"}
 """Engines that clip the tension and take their damping from Thornton's fit, which is off by up to 3e-4, instead."""
+SINGLE = {"peclet-dem"}
+"""Engines with positions in single precision, where the law in double precision is off by up to 3.4e-3 (E = 1e9)."""
 
 
-def restitution_error(name: str, overrides: dict[str, str]) -> float:
-    """Rigid rows give the restitution itself; compliant ones take about three substeps for a contact."""
-    return 0.03 if name in IMPULSE and "rows" not in overrides else 1e-2
+def rigid(overrides: dict[str, str]) -> bool:
+    """Whether contacts are rigid by a setting."""
+    return overrides.get("rows") == "rigid" or overrides.get("solver") == "impulse"
+
+
+def restitution_error(name: str, overrides: dict[str, str], otherwise: float) -> float:
+    """Rigid contacts give the restitution itself; compliant rows take about three substeps for a contact."""
+    if rigid(overrides):
+        return 1e-2
+    return 0.03 if name in IMPULSE else 4e-3 if name in SINGLE else otherwise
 
 
 def configurations() -> list[Any]:
@@ -36,6 +45,8 @@ def configurations() -> list[Any]:
             choice = False
         if name in IMPULSE:
             found.append(pytest.param(name, {"rows": "rigid"}, id=f"{name}-rigid"))
+        if name == "peclet-dem":
+            found.append(pytest.param(name, {"solver": "impulse"}, id=f"{name}-impulse"))
         if choice:
             found.append(pytest.param(name, {"precision": "float64"}, id=f"{name}-float64"))
     return found
@@ -80,7 +91,7 @@ def test_two_spheres_rebound(
         bodies={"position": [[-1.5e-3, 0, 0], [1.5e-3, 0, 0]], "velocity": [[0.5, 0, 0], [-0.5, 0, 0]]},
     )
     precision = engine.settings(made, "closed", overrides).precision()
-    tolerance = restitution_error(name, overrides) if name in IMPULSE else 1e-6 if precision == "float64" else 1e-4
+    tolerance = restitution_error(name, overrides, 1e-6 if precision == "float64" else 1e-4)
     tolerance = 6e-4 if name in THORNTON else tolerance
     last = run(engine, made, tmp_path, **overrides).frames[-1]
     measured = (last.velocity[1, 0] - last.velocity[0, 0]) / 1.0
@@ -141,7 +152,7 @@ def test_a_sphere_rebounds_from_a_plane(name: str, overrides: dict[str, str], tm
         walls=({"kind": "plane", "name": "floor", "material": "grain", "point": (0, 0, 0), "normal": (0, 0, 1)},),
     )
     last = run(engine, made, tmp_path, **overrides).frames[-1]
-    tolerance = restitution_error(name, overrides) if name in IMPULSE else 2e-4
+    tolerance = restitution_error(name, overrides, 2e-4)
     assert last.velocity[0, 2] / 0.5 == pytest.approx(0.49986, abs=tolerance)
 
 
@@ -159,8 +170,8 @@ def test_a_sphere_comes_to_rest_on_a_plane(name: str, overrides: dict[str, str],
     weight = float(made.masses()[0]) * 9.81
     overlap = (weight / (4 / 3 * 1e7 / (2 * (1 - 0.2**2)) * np.sqrt(1e-3))) ** (2 / 3)
     measured = 1e-3 - last.position[0, 2]
-    if "rows" in overrides:
+    if rigid(overrides):
         assert -1e-6 < measured < 2 * overlap
     else:
         assert measured == pytest.approx(overlap, rel=1e-3)
-    assert abs(last.velocity[0, 2]) < 1e-5
+    assert abs(last.velocity[0, 2]) < (1e-4 if name in SINGLE else 1e-5)  # its position does not move below 6e-5
