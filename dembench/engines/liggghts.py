@@ -146,7 +146,7 @@ class Liggghts(Engine):
         }
         if package := _package(path):
             facts["package"] = package
-        if launcher := shutil.which("mpirun"):
+        if launcher := _launcher(path):
             facts["mpirun"] = launcher
         return Probe(available=True, version=found[1], path=path, facts=facts)
 
@@ -225,10 +225,11 @@ class Liggghts(Engine):
         command = [program, "-in", launch.deck, "-log", launch.log]
         environment: dict[str, str] = {}
         if settings.ranks > 1:
-            command = ["mpirun", "--bind-to", "none", "--oversubscribe", "-n", str(settings.ranks), *command]
+            mpirun = _launcher(program) or "mpirun"
+            command = [mpirun, "--bind-to", "none", "--oversubscribe", "-n", str(settings.ranks), *command]
             environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
             environment["OMPI_MCA_mpi_yield_when_idle"] = "1"  # a waiting rank must not hold a core that others need
-        shown = " ".join(Path(part).name if part == program else part for part in command)
+        shown = " ".join(Path(part).name if os.path.isabs(part) else part for part in command)
         throughput = PARTICLE_STEPS_PER_SECOND * settings.ranks
         cut = legs(scene, settings, throughput, launch.start)
         (directory / launch.deck).write_text(deck(scene, settings, parts, cut, launch, shown))
@@ -275,6 +276,11 @@ class Liggghts(Engine):
 
 def _wanted() -> str:
     return os.environ.get("DEMBENCH_LIGGGHTS", "liggghts")
+
+
+def _launcher(program: str) -> str | None:
+    """The launcher of MPI that lies beside a program, else the one on PATH, which may be of another MPI."""
+    return shutil.which("mpirun", path=str(Path(program).parent)) or shutil.which("mpirun")
 
 
 def _output_of(*command: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import shutil
 import subprocess
@@ -196,6 +197,21 @@ def test_frames_and_tracks_start_at_the_initial_state_and_meet_the_times(tmp_pat
     assert series.timing.source == "engine"
     assert series.timing.loop is not None
     assert series.counters["dangerous_builds"] == 0
+
+
+def test_ranks_are_started_by_the_launcher_beside_the_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of another MPI, which a Python package may put first on PATH, starts two runs of one rank each."""
+    for place in ("own", "other"):
+        (tmp_path / place).mkdir()
+        for name in ("liggghts", "mpirun"):
+            (tmp_path / place / name).write_text("#!/bin/sh\n")
+            (tmp_path / place / name).chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path / "other"), prepend=os.pathsep)
+    monkeypatch.setenv("DEMBENCH_LIGGGHTS", str(tmp_path / "own" / "liggghts"))
+    (tmp_path / "deck").mkdir()
+    settings = Liggghts().settings(scene(), "closed", {"ranks": "2"})
+    (phase,) = Liggghts().write(scene(), settings, tmp_path / "deck")
+    assert phase.command[0] == str(tmp_path / "own" / "mpirun")
 
 
 def test_two_ranks_give_the_frames_of_one(tmp_path: Path) -> None:
