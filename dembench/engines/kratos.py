@@ -119,7 +119,7 @@ class Kratos(Engine):
 
     name: ClassVar[str] = "kratos"
     title: ClassVar[str] = "Kratos DEM: soft-sphere, double precision, threads"
-    colour: ClassVar[str] = "#a05a2c"
+    colour: ClassVar[str] = "#138d90"
     settings_type: ClassVar[type[EngineSettings]] = KratosSettings
     cores_setting: ClassVar[str | None] = "threads"
 

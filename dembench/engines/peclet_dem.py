@@ -140,7 +140,7 @@ class PecletDem(Engine):
 
     name: ClassVar[str] = "peclet-dem"
     title: ClassVar[str] = "peclet-dem (upstream): soft-sphere and impulse, single precision, OpenMP"
-    colour: ClassVar[str] = "#b5542d"
+    colour: ClassVar[str] = "#c2378e"
     settings_type: ClassVar[type[EngineSettings]] = PecletDemSettings
     cores_setting: ClassVar[str | None] = "threads"
 
