@@ -57,7 +57,6 @@ from dembench.engines.base import (
     Phase,
     Probe,
     Series,
-    Timing,
     order_of_contacts,
 )
 from dembench.engines.flat_walls import meshed
@@ -65,16 +64,7 @@ from dembench.engines.kratos_deck import write_deck
 from dembench.engines.kratos_walls import refused
 from dembench.engines.round_walls import FEWEST_SIDES, sides_for
 from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
-from dembench.engines.script_runs import (
-    DECK,
-    NOTES,
-    counters_in,
-    failure_in,
-    last_step,
-    read_frames,
-    read_tracks,
-    timing_in,
-)
+from dembench.engines.script_runs import DECK, read_series
 from dembench.scene import Scene, features
 from dembench.scene.base import Positive
 
@@ -187,16 +177,7 @@ class Kratos(Engine):
 
     def read(self, scene: Scene, settings: KratosSettings, directory: Path) -> Series:
         """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
-        frames = read_frames(scene, settings.dt, directory)
-        tracks, gone = read_tracks(scene, settings.dt, directory)
-        path = directory / NOTES
-        notes = path.read_text(errors="replace") if path.exists() else ""
-        failure, detail = ("lost particles", gone) if gone else failure_in(notes)
-        timing = timing_in(notes)
-        if failure is None and timing and len(frames) < len(scene.frame_times()):
-            failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
-        time = last_step(notes) * settings.dt
-        return Series(frames, tracks, timing or Timing(), time, failure, detail, counters_in(notes))
+        return read_series(scene, settings.dt, directory)
 
     def order(self, scene: Scene, settings: KratosSettings) -> float:
         """See `Engine.order`."""

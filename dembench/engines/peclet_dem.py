@@ -58,7 +58,6 @@ from dembench.engines.base import (
     Probe,
     Series,
     SettingsError,
-    Timing,
 )
 from dembench.engines.peclet_dem_deck import deck, pairs_in_use, tangential_restitutions
 from dembench.engines.peclet_dem_walls import (
@@ -70,16 +69,7 @@ from dembench.engines.peclet_dem_walls import (
     write_grids,
 )
 from dembench.engines.scene_queries import beyond_hertzian_spheres, materials_of, observed_walls
-from dembench.engines.script_runs import (
-    DECK,
-    NOTES,
-    failure_in,
-    last_step,
-    read_frames,
-    read_tracks,
-    timing_in,
-    write_bodies,
-)
+from dembench.engines.script_runs import DECK, read_series, write_bodies
 from dembench.scene import HertzMindlin, Rigid, Scene, features
 from dembench.scene.base import Positive
 
@@ -256,15 +246,7 @@ class PecletDem(Engine):
 
     def read(self, scene: Scene, settings: PecletDemSettings, directory: Path) -> Series:
         """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
-        frames = read_frames(scene, settings.dt, directory)
-        tracks, gone = read_tracks(scene, settings.dt, directory)
-        path = directory / NOTES
-        notes = path.read_text(errors="replace") if path.exists() else ""
-        failure, detail = ("lost particles", gone) if gone else failure_in(notes)
-        timing = timing_in(notes)
-        if failure is None and timing and len(frames) < len(scene.frame_times()):
-            failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
-        return Series(frames, tracks, timing or Timing(), last_step(notes) * settings.dt, failure, detail)
+        return read_series(scene, settings.dt, directory)
 
     def order(self, scene: Scene, settings: PecletDemSettings) -> float:
         """See `Engine.order`: symplectic Euler, and impulses at the ends of steps."""

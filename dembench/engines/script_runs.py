@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dembench.engines.base import FRAMES, Frame, FrameFiles, Timing, Tracks
+from dembench.engines.base import FRAMES, Frame, FrameFiles, Series, Timing, Tracks
 from dembench.engines.scene_queries import in_sink, materials_of, observed_walls, steps_of
 from dembench.scene import Scene
 
@@ -37,6 +37,19 @@ def schedule(steps: list[int]) -> str:
     if len(gaps) == 1:
         return repr(range(steps[0], steps[-1] + 1, gaps.pop()))
     return "{" + ", ".join(map(str, steps)) + "}" if steps else "()"
+
+
+def read_series(scene: Scene, dt: float, directory: Path) -> Series:
+    """What a script has written so far: complete frames and tracks, its own timing, its errors."""
+    frames = read_frames(scene, dt, directory)
+    tracks, gone = read_tracks(scene, dt, directory)
+    path = directory / NOTES
+    notes = path.read_text(errors="replace") if path.exists() else ""
+    failure, detail = ("lost particles", gone) if gone else failure_in(notes)
+    timing = timing_in(notes)
+    if failure is None and timing and len(frames) < len(scene.frame_times()):
+        failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
+    return Series(frames, tracks, timing or Timing(), last_step(notes) * dt, failure, detail, counters_in(notes))
 
 
 def read_frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:

@@ -50,22 +50,12 @@ from dembench.engines.base import (
     Phase,
     Probe,
     Series,
-    Timing,
     order_of_contacts,
 )
 from dembench.engines.flat_walls import meshed
 from dembench.engines.round_walls import FEWEST_SIDES, sides_for
 from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
-from dembench.engines.script_runs import (
-    DECK,
-    NOTES,
-    failure_in,
-    last_step,
-    read_frames,
-    read_tracks,
-    timing_in,
-    write_bodies,
-)
+from dembench.engines.script_runs import DECK, read_series, write_bodies
 from dembench.engines.yade_deck import deck, write_triangles
 from dembench.engines.yade_walls import built, refused
 from dembench.scene import HertzMindlin, Scene, features
@@ -163,15 +153,7 @@ class Yade(Engine):
 
     def read(self, scene: Scene, settings: YadeSettings, directory: Path) -> Series:
         """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
-        frames = read_frames(scene, settings.dt, directory)
-        tracks, gone = read_tracks(scene, settings.dt, directory)
-        path = directory / NOTES
-        notes = path.read_text(errors="replace") if path.exists() else ""
-        failure, detail = ("lost particles", gone) if gone else failure_in(notes)
-        timing = timing_in(notes)
-        if failure is None and timing and len(frames) < len(scene.frame_times()):
-            failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
-        return Series(frames, tracks, timing or Timing(), last_step(notes) * settings.dt, failure, detail)
+        return read_series(scene, settings.dt, directory)
 
     def order(self, scene: Scene, settings: YadeSettings) -> float:
         """See `Engine.order`."""
