@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from dembench.engines.kratos_model import bodies_part, damping_of, materials, walls_part
 from dembench.engines.kratos_walls import Built, built
-from dembench.engines.scene_queries import clipped, every_of, observed_walls, steps_of
-from dembench.engines.script_runs import DECK, schedule
-from dembench.scene import Region, Scene, features
+from dembench.engines.scene_queries import clipped, observed_walls
+from dembench.engines.script_runs import DECK, rendered, sampling, within
+from dembench.scene import Scene, features
 
 BODIES, WALLS = "sceneDEM.mdpa", "sceneDEM_FEM_boundary.mdpa"
 MATERIALS, PARAMETERS = "materials.json", "parameters.json"
@@ -38,23 +36,15 @@ def write_deck(scene: Scene, settings: Any, command: str, directory: Path) -> No
         (directory / WALLS).write_text(walls_part(walls))
     (directory / MATERIALS).write_text(_json(materials(scene, walls)))
     (directory / PARAMETERS).write_text(_json(_parameters(scene, settings)))
-    template = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True).from_string(
-        files("dembench.engines").joinpath("kratos_simulate.py.j2").read_text()
-    )
-    (directory / DECK).write_text(template.render(_values(scene, settings, walls), command=command))
+    script = rendered("kratos_simulate.py.j2", _values(scene, settings, walls), command=command)
+    (directory / DECK).write_text(script)
 
 
 def _values(scene: Scene, settings: Any, walls: list[Built]) -> dict[str, Any]:
-    steps = steps_of(np.array([scene.duration]), settings.dt)[0]
-    frames, tracks = (steps_of(times, settings.dt) for times in (scene.frame_times(), scene.track_times()))
-    tracked = list(scene.tracked_bodies())
-    if not tracked:
-        tracks = []
     return {
         "scene": scene,
         "count": len(scene.bodies),
         "dt": settings.dt,
-        "steps": steps,
         "skin": settings.skin,
         "damping": damping_of(scene) if clipped(scene) else {},
         "periodic": [axis for axis in range(3) if scene.domain.periodic[axis]],
@@ -62,24 +52,10 @@ def _values(scene: Scene, settings: Any, walls: list[Built]) -> dict[str, Any]:
         "moving": any(wall.moves for wall in walls),
         "carried": [wall for wall in walls if wall.carries],
         "observed": observed_walls(scene),
-        "sinks": [_within(sink.region) for sink in scene.sinks],
+        "sinks": [within(sink.region) for sink in scene.sinks],
         "removal": max(1, round(settings.sink_interval / settings.dt)),
-        "frames": schedule(frames),
-        "tracks": schedule(tracks),
-        "tracked": tracked,
-        "every": every_of(sorted({*frames, *tracks}), steps),
+        **sampling(scene, settings.dt),
     }
-
-
-def _within(region: Region) -> str:
-    """Which of the arrays x, y, z lie in a region, as a Python expression."""
-    terms = [
-        f"({bound!r} <= {axis})" if side == 0 else f"({axis} <= {bound!r})"
-        for side, bounds in enumerate((region.lower, region.upper))
-        for axis, bound in zip("xyz", bounds, strict=True)
-        if bound is not None
-    ]
-    return f"({' & '.join(terms) or 'np.isfinite(x)'})"
 
 
 # ---- parameters

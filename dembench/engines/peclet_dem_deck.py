@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from dembench.engines.peclet_dem_walls import Grid
 from dembench.engines.scene_queries import materials_of, steps_of
-from dembench.engines.script_runs import IDS_PER_LINE, schedule
-from dembench.scene import PairLaw, Region, Scene
+from dembench.engines.script_runs import IDS_PER_LINE, rendered, schedule, within
+from dembench.scene import PairLaw, Scene
 
 BEAT = 4e5
 """Particle-steps of soft spheres between two looks at the state; those of impulses are a tenth of it."""
@@ -30,10 +28,7 @@ def deck(scene: Scene, settings: Any, walls: list[Grid], command: str) -> str:
         walls: The grids of its walls.
         command: Command line of the run, for the reader of the script.
     """
-    template = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True).from_string(
-        files("dembench.engines").joinpath("peclet_dem_simulate.py.j2").read_text()
-    )
-    return template.render(_values(scene, settings), walls=walls, command=command)
+    return rendered("peclet_dem_simulate.py.j2", _values(scene, settings), walls=walls, command=command)
 
 
 def pairs_in_use(scene: Scene) -> list[PairLaw]:
@@ -78,20 +73,9 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         },
         "wrapped": [axis for axis in range(3) if scene.domain.periodic[axis]],
         "kept": [axis for axis in range(3) if not scene.domain.periodic[axis]],
-        "sinks": [_inside(sink.region) for sink in scene.sinks],
+        "sinks": [within(sink.region) for sink in scene.sinks],
         "removal": max(1, round(settings.sink_interval / settings.dt)),
         "frames": schedule(steps_of(scene.frame_times(), settings.dt)),
         "tracks": schedule(steps_of(scene.track_times(), settings.dt) if tracked else []),
         "tracked": tracked,
     }
-
-
-def _inside(region: Region) -> str:
-    """Which of the arrays x, y, z lie in a region, as a Python expression."""
-    terms = [
-        f"({bound!r} <= {axis})" if side == 0 else f"({axis} <= {bound!r})"
-        for side, bounds in enumerate((region.lower, region.upper))
-        for axis, bound in zip("xyz", bounds, strict=True)
-        if bound is not None
-    ]
-    return f"({' & '.join(terms) or 'np.isfinite(x)'})"

@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import re
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
+import jinja2
 import numpy as np
 
 from dembench.engines.base import FRAMES, Frame, FrameFiles, Series, Timing, Tracks
-from dembench.engines.scene_queries import in_sink, materials_of, observed_walls, steps_of
-from dembench.scene import Scene
+from dembench.engines.scene_queries import every_of, in_sink, materials_of, observed_walls, steps_of
+from dembench.scene import Region, Scene
 
 DECK, TRACKS, NOTES = "simulate.py", "tracks.bin", "progress.txt"
 IDS_PER_LINE = 1000
@@ -37,6 +40,38 @@ def schedule(steps: list[int]) -> str:
     if len(gaps) == 1:
         return repr(range(steps[0], steps[-1] + 1, gaps.pop()))
     return "{" + ", ".join(map(str, steps)) + "}" if steps else "()"
+
+
+def sampling(scene: Scene, dt: float) -> dict[str, Any]:
+    """What a script needs to know of its steps: how many there are, and those at which it writes."""
+    steps = steps_of(np.array([scene.duration]), dt)[0]
+    tracked = list(scene.tracked_bodies())
+    frames, tracks = steps_of(scene.frame_times(), dt), steps_of(scene.track_times(), dt) if tracked else []
+    return {
+        "steps": steps,
+        "frames": schedule(frames),
+        "tracks": schedule(tracks),
+        "tracked": tracked,
+        "every": every_of(sorted({*frames, *tracks}), steps),
+    }
+
+
+def within(region: Region) -> str:
+    """Which of the arrays x, y, z lie in a region, as a Python expression."""
+    terms = [
+        f"({bound!r} <= {axis})" if side == 0 else f"({axis} <= {bound!r})"
+        for side, bounds in enumerate((region.lower, region.upper))
+        for axis, bound in zip("xyz", bounds, strict=True)
+        if bound is not None
+    ]
+    return f"({' & '.join(terms) or 'np.isfinite(x)'})"
+
+
+def rendered(template: str, values: dict[str, Any], **more: Any) -> str:
+    """A template of this folder with values; one that is missing is an error."""
+    text = files("dembench.engines").joinpath(template).read_text()
+    made = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True).from_string(text)
+    return made.render(values, **more)
 
 
 def read_series(scene: Scene, dt: float, directory: Path) -> Series:

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from dembench.engines.scene_queries import (
     clipped,
-    every_of,
     materials_of,
     observed_walls,
     pairs_of,
-    steps_of,
 )
-from dembench.engines.script_runs import IDS_PER_LINE, schedule
+from dembench.engines.script_runs import IDS_PER_LINE, rendered, sampling
 from dembench.engines.yade_walls import STAYS, Built, across, built
 from dembench.scene import PairLaw, Region, Scene, features
 
@@ -36,25 +32,16 @@ def deck(scene: Scene, settings: Any, command: str) -> str:
         settings: YadeSettings of the run.
         command: Command line of the run, for the reader of the script.
     """
-    template = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True).from_string(
-        files("dembench.engines").joinpath("yade_simulate.py.j2").read_text()
-    )
-    return template.render(_values(scene, settings), command=command)
+    return rendered("yade_simulate.py.j2", _values(scene, settings), command=command)
 
 
 def _values(scene: Scene, settings: Any) -> dict[str, Any]:
     walls = built(scene, settings.segments)
-    steps = steps_of(np.array([scene.duration]), settings.dt)[0]
-    frames, tracks = (steps_of(times, settings.dt) for times in (scene.frame_times(), scene.track_times()))
-    tracked = list(scene.tracked_bodies())
     edges = np.subtract(scene.domain.upper, scene.domain.lower)
-    if not tracked:
-        tracks = []
     return {
         "scene": scene,
         "count": len(scene.bodies),
         "dt": settings.dt,
-        "steps": steps,
         "skin": settings.skin,
         "materials": materials_of(scene),
         "damping": "betan" if clipped(scene) else "en",
@@ -70,10 +57,7 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         "observed": observed_walls(scene),
         "sinks": [_within(sink.region) for sink in scene.sinks],
         "removal": max(1, round(settings.sink_interval / settings.dt)),
-        "frames": schedule(frames),
-        "tracks": schedule(tracks),
-        "tracked": tracked,
-        "every": every_of(sorted({*frames, *tracks}), steps),
+        **sampling(scene, settings.dt),
     }
 
 
