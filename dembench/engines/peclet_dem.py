@@ -59,7 +59,7 @@ from dembench.engines.base import (
     Series,
     SettingsError,
 )
-from dembench.engines.peclet_dem_deck import deck, pairs_in_use, tangential_restitutions
+from dembench.engines.peclet_dem_deck import deck, tangential_restitutions
 from dembench.engines.peclet_dem_walls import (
     MOST_OF_SOFT_SPHERES,
     default_fine,
@@ -68,7 +68,7 @@ from dembench.engines.peclet_dem_walls import (
     surfaces,
     write_grids,
 )
-from dembench.engines.scene_queries import beyond_hertzian_spheres, materials_of, observed_walls
+from dembench.engines.scene_queries import beyond_hertzian_spheres, materials_of, observed_walls, pairs_of
 from dembench.engines.script_runs import DECK, read_series, write_bodies
 from dembench.scene import HertzMindlin, Rigid, Scene, features
 from dembench.scene.base import Positive
@@ -178,7 +178,7 @@ class PecletDem(Engine):
             return "" if isinstance(scene.law, Rigid) else "rigid contacts with restitution and Coulomb friction"
         own = []
         variant = scene.law.variant if isinstance(scene.law, HertzMindlin) else "reference"
-        used = pairs_in_use(scene)
+        used = pairs_of(scene)
         if variant == "no-tension" and any(pair.restitution < 1 for pair in used):
             own.append("tension kept")
         if any(pair.friction > 0 and pair.restitution < 1 for pair in used):

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from dembench.engines.peclet_dem_walls import Grid
-from dembench.engines.scene_queries import materials_of, steps_of
-from dembench.engines.script_runs import IDS_PER_LINE, rendered, schedule, within
-from dembench.scene import PairLaw, Scene
+from dembench.engines.scene_queries import materials_of, pairs_of, steps_of
+from dembench.engines.script_runs import IDS_PER_LINE, rendered, sampling, within
+from dembench.scene import Scene
 
 BEAT = 4e5
 """Particle-steps of soft spheres between two looks at the state; those of impulses are a tenth of it."""
@@ -31,15 +31,9 @@ def deck(scene: Scene, settings: Any, walls: list[Grid], command: str) -> str:
     return rendered("peclet_dem_simulate.py.j2", _values(scene, settings), walls=walls, command=command)
 
 
-def pairs_in_use(scene: Scene) -> list[PairLaw]:
-    """The laws of the pairs of materials that the bodies and walls of a scene are of."""
-    names = {m.name for m in materials_of(scene)}
-    return [pair for pair in scene.pair_laws if {pair.a, pair.b} <= names]
-
-
 def tangential_restitutions(scene: Scene) -> set[float]:
     """The different tangential restitutions of the pairs in use [-]."""
-    return {pair.tangential_restitution or 0.0 for pair in pairs_in_use(scene)}
+    return {pair.tangential_restitution or 0.0 for pair in pairs_of(scene)}
 
 
 def _values(scene: Scene, settings: Any) -> dict[str, Any]:
@@ -48,7 +42,6 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
     soft = settings.solver == "hertz"
     steps = steps_of(np.array([scene.duration]), settings.dt)[0]
     beat = BEAT * (1 if soft else 0.1) / max(len(scene.bodies), FEW)
-    tracked = list(scene.tracked_bodies())
     held = {
         kind: sorted({body for c in scene.constraints if c.kind in kinds for body in c.bodies})
         for kind, kinds in {"fixed": ("fixed",), "unturned": ("fixed", "rotation-locked")}.items()
@@ -58,14 +51,13 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         "settings": settings,
         "soft": soft,
         "count": len(scene.bodies),
-        "steps": steps,
         "gravity": scene.gravity if soft or any(scene.gravity) else WEIGHTLESS,
         "beat": min(max(1, round(beat)), steps),
         "smallest": scene.extreme_radii()[0],
         "materials": materials,
         "number": number,
         "densities": [m.density for m in materials],
-        "pairs": pairs_in_use(scene),
+        "pairs": pairs_of(scene),
         "tangential": max(tangential_restitutions(scene), key=abs, default=0.0),
         "held": {
             kind: [bodies[k : k + IDS_PER_LINE] for k in range(0, len(bodies), IDS_PER_LINE)]
@@ -75,7 +67,5 @@ def _values(scene: Scene, settings: Any) -> dict[str, Any]:
         "kept": [axis for axis in range(3) if not scene.domain.periodic[axis]],
         "sinks": [within(sink.region) for sink in scene.sinks],
         "removal": max(1, round(settings.sink_interval / settings.dt)),
-        "frames": schedule(steps_of(scene.frame_times(), settings.dt)),
-        "tracks": schedule(steps_of(scene.track_times(), settings.dt) if tracked else []),
-        "tracked": tracked,
+        **sampling(scene, settings.dt),
     }
