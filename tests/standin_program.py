@@ -24,11 +24,15 @@ def main() -> None:
         if mode != "ok" and k == after:
             misbehave(mode)
         os.rename(f"prepared/{frame}", f"frames/{frame}")
+    if mode == "linger":
+        misbehave(mode)
     print(f"{name} is done", flush=True)
 
 
 def misbehave(mode: str) -> None:
-    if mode in ("hang", "ignore"):
+    if mode == "linger":
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+    if mode in ("hang", "ignore", "linger"):
         child = subprocess.Popen(["sleep", "1000"], start_new_session=True)
         with open("pids", "w") as stream:
             stream.write(f"{os.getpid()} {child.pid}")

@@ -111,6 +111,14 @@ def test_advice_says_where_it_comes_from(swept, tmp_path) -> None:
     assert code == 0 and json.loads(text)["rows"], error
 
 
+def test_sweeps_that_ship_advise_on_their_own_problems(tmp_path) -> None:
+    """Elastic and damped collisions differ in nothing but restitution; each is advised from its own sweep."""
+    for name in ("hertz_bounce", "damped_bounce", "sliding_ball"):
+        code, text, error = call("advise", name, "--sweeps", tmp_path, "--json")
+        assert code == 0, error
+        assert (found := json.loads(text))["target"] == name and found["distance"] == 0.0
+
+
 def test_no_advice_is_better_than_that_of_another_law(swept, tmp_path) -> None:
     """A linear spring has no contact time of Hertz: exit code 1 and the reason; so where nothing was swept."""
     out, _ = swept

@@ -28,7 +28,6 @@ def main(arguments: list[str]) -> None:
     """Runs the command; does not return."""
     supervisor, cores, report, command = int(arguments[0]), arguments[1], int(arguments[2]), arguments[3:]
     os.set_inheritable(report, False)
-    signal.signal(signal.SIGTERM, lambda *_: _end(report))
     _prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
     _prctl(PR_SET_CHILD_SUBREAPER, 1)
     if os.getppid() != supervisor:
@@ -40,7 +39,9 @@ def main(arguments: list[str]) -> None:
     engine = os.fork()
     if engine == 0:
         _become(command, guard)
+    signal.signal(signal.SIGTERM, lambda *_: _end(engine, report))
     code = _wait_for(engine)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     _kill_descendants(signal.SIGKILL)
     _reap()
     _report_memory(report)
@@ -52,7 +53,6 @@ def main(arguments: list[str]) -> None:
 
 
 def _become(command: list[str], guard: int) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     _prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != guard:
         os._exit(1)
@@ -76,17 +76,19 @@ def _report_memory(report: int) -> None:
         os.write(report, str(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss).encode())
 
 
-def _end(report: int) -> None:
-    """Asks all descendants to end, then kills those that have not."""
+def _end(engine: int, report: int) -> None:
+    """Asks all descendants to end, then kills those that have not; exit code 0 where the engine was done."""
     _kill_descendants(signal.SIGTERM)
     deadline = time.monotonic() + GRACE
+    done = False
     while time.monotonic() < deadline and _descendants():
-        _reap_ended()
+        done |= (engine, 0) in _reap_ended()
         time.sleep(0.02)
+    done |= (engine, 0) in _reap_ended()
     _kill_descendants(signal.SIGKILL)
     _reap()
     _report_memory(report)
-    os._exit(128 + signal.SIGTERM)
+    os._exit(0 if done else 128 + signal.SIGTERM)
 
 
 def _kill_descendants(number: int) -> None:
@@ -101,10 +103,13 @@ def _reap() -> None:
             os.wait()
 
 
-def _reap_ended() -> None:
+def _reap_ended() -> list[tuple[int, int]]:
+    """Process ids and wait statuses of the descendants that have ended."""
+    ended: list[tuple[int, int]] = []
     with contextlib.suppress(ChildProcessError):
-        while os.waitpid(-1, os.WNOHANG)[0]:
-            pass
+        while (one := os.waitpid(-1, os.WNOHANG))[0]:
+            ended.append(one)
+    return ended
 
 
 def _descendants() -> list[int]:

@@ -40,7 +40,7 @@ def failure_of(
     timeout: float | None,
     log_tail: str,
 ) -> Failure | None:
-    """The failure of a run, or None where it is complete.
+    """The failure of a run, or None where it is complete: one that was at its end when it was stopped is, too.
 
     Args:
         ended: How its last phase ended.
@@ -51,7 +51,8 @@ def failure_of(
         timeout: Its time limit [s].
         log_tail: Last lines of its logs.
     """
-    if ended is not None and ended.stopped == "interrupted":
+    complete = series.failure is None and not len(missing) and not short
+    if ended is not None and ended.stopped == "interrupted" and not (ended.exit_code == 0 and complete):
         return Failure("interrupted", "", f"stopped by the user at t = {series.time:.6g} s")
     if ended is not None and ended.stopped == "timeout":
         return Failure("timeout", "", f"not done within {timeout:g} s; t = {series.time:.6g} s was reached")

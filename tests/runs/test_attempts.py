@@ -175,6 +175,20 @@ def test_an_engine_that_is_asked_to_end_is_interrupted(standin, planned):
     assert planned("standin")[0].action() == "resume"
 
 
+def test_a_run_that_was_at_its_end_when_it_was_stopped_is_complete(standin, planned):
+    """The engine has written everything and only takes its time to end when it is asked to: nothing is missing."""
+    standin(standin=["linger", 11])
+    (run,) = planned("standin")
+    stop, statuses = threading.Event(), []
+    thread = threading.Thread(target=lambda: statuses.append(supervise(run, stop)))
+    thread.start()
+    wait_for(lambda: len(pids(run)) == 2)
+    stop.set()
+    thread.join(30)
+    assert (statuses[0].state, statuses[0].frames) == ("ok", 11)
+    assert planned("standin")[0].action() == "reuse"
+
+
 @pytest.fixture
 def run_small(start_run, tmp_path):
     """Starts `dembench run` on a scene as a process."""
@@ -223,8 +237,11 @@ def test_one_supervisor_at_a_time_goes_on(interrupted, standin, planned):
 
 
 def test_an_interrupted_command_leaves_a_run_that_goes_on_to_the_same_bits(run_small, tmp_path):
-    """The whole way with a solver: grains leave a hopper, the command is interrupted once two frames are there."""
-    scene = hopper(duration=0.1, observables=OBSERVED)
+    """The whole way with a solver: grains leave a hopper, the command is interrupted once two frames are there.
+
+    The steps are so short that the rest takes seconds, however late the interruption comes on a busy machine.
+    """
+    scene = hopper(duration=0.1, time_step=2e-7, observables=OBSERVED)
     straight = run_small(scene, "--engines", "peclet-hertz", "--out", "straight")
     assert straight.communicate(timeout=120)[0] and straight.returncode == 0
 

@@ -219,7 +219,9 @@ def swept(points: dict[str, tuple[float, float]], band: float = 0.0, kind: Any =
         )
         for k, (value, (time, error)) in enumerate(points.items())
     ]
-    problem = Problem(title="Fall", law="hertz-mindlin", features=("gravity",), bodies=3, young=1e7, softness=1e-3)
+    problem = Problem(
+        title="Fall", law="hertz-mindlin", features=("gravity",), bodies=3, young=1e7, softness=1e-3, restitution=0.5
+    )
     words = {"title": "error", "unit": "relative", "scale": "1", "source": "closed form"}
     return Sweep(
         target="fall",

@@ -18,8 +18,9 @@ from dembench.verification.precision.targets import problem_of
 COLUMNS = ("engine", "error", "setting", "step here", "cost there")
 FAR = 1.0
 """Distance of two problems beyond which the sweep of one says nothing about the other."""
-WEIGHTS = {"features": 2.0, "softness": 1.0, "bodies": 0.1}
-"""Weights of the parts of a distance: share of features that only one has, decades of softness, decades of bodies."""
+WEIGHTS = {"features": 2.0, "softness": 1.0, "restitution": 0.5, "bodies": 0.1}
+"""Weights of the parts of a distance: share of features that only one has, decades of softness, difference of the
+coefficients of restitution, decades of bodies."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class Advice:
 
 
 def advise(scene: Scene, name: str, directory: Path, engines: Sequence[str], makes: str) -> Advice:
-    """Advice for a scene, from the sweeps in a directory and those that ship.
+    """Advice for a scene, from the sweeps in a directory and those that ship; of equally near ones from the former.
 
     Args:
         scene: The scene.
@@ -107,7 +108,7 @@ def advise(scene: Scene, name: str, directory: Path, engines: Sequence[str], mak
     here = problem_of(scene, name)
     ranked = sorted(
         ((*distance(here, one.problem), one.knob != knobs.DT, path, one) for path, one in known),
-        key=lambda entry: (entry[0], entry[2], str(entry[3])),
+        key=lambda entry: (entry[0], entry[2]),
     )
     far, why, _, path, nearest = ranked[0]
     if far > FAR:
@@ -129,12 +130,15 @@ def distance(here: Problem, there: Problem) -> tuple[float, str]:
     apart = len(own ^ other) / max(1, len(own | other))
     softness = abs(math.log10(here.softness / there.softness)) if here.softness and there.softness else 0.0
     bodies = abs(math.log10(max(1, here.bodies) / max(1, there.bodies)))
-    parts = {"features": apart, "softness": softness, "bodies": bodies}
+    damped = abs(here.restitution - there.restitution)
+    parts = {"features": apart, "softness": softness, "restitution": damped, "bodies": bodies}
     words = []
     if own ^ other:
         words.append(f"features {', '.join(sorted(own ^ other))} in one of them only")
     if softness > 0.3:
         words.append(f"expected overlaps {here.softness:.2g} of a radius here, {there.softness:.2g} there")
+    if damped > 0.1:
+        words.append(f"restitution {here.restitution:g} here, {there.restitution:g} there")
     if bodies > 0.5:
         words.append(f"{here.bodies} bodies here, {there.bodies} there")
     return sum(WEIGHTS[part] * value for part, value in parts.items()), "; ".join(words)

@@ -143,6 +143,7 @@ class Problem(Model):
         bodies: Number of bodies.
         young: Young's modulus of the stiffest material of bodies [Pa].
         softness: Expected overlap of the fastest body over its radius, (rho v^2/E)^(2/5) [-].
+        restitution: Lowest coefficient of restitution of its pairs [-].
     """
 
     title: str
@@ -151,6 +152,7 @@ class Problem(Model):
     bodies: int
     young: float
     softness: float
+    restitution: float
 
 
 class Sweep(Model):

@@ -90,6 +90,7 @@ def problem_of(scene: Scene, title: str) -> Problem:
         bodies=len(scene.bodies),
         young=0.0 if rigid else young,
         softness=0.0 if rigid else (density * speed**2 / young) ** 0.4,
+        restitution=min((pair.restitution for pair in scene.pair_laws), default=1.0),
     )
 
 
