@@ -22,7 +22,20 @@ import numpy as np
 
 import dembench
 from dembench.engines import in_tree_checkpoints as checkpoints
-from dembench.engines.base import FRAMES, Checkpoint, Engine, Frame, FrameFiles, Phase, Probe, Series, Timing, Tracks
+from dembench.engines.base import (
+    FRAMES,
+    Checkpoint,
+    Division,
+    Engine,
+    Frame,
+    FrameFiles,
+    Phase,
+    Probe,
+    Series,
+    SettingsError,
+    Timing,
+    Tracks,
+)
 from dembench.engines.scene_queries import observed_walls
 from dembench.scene import FORCEABLE, Scene, features, save_scene
 
@@ -55,6 +68,13 @@ class InTree(Engine):
             digest.update(source.relative_to(folder).as_posix().encode() + source.read_bytes())
         version = f"{dembench.__version__}+{digest.hexdigest()[:10]}"
         return Probe(available=True, version=version, path=str(folder), facts={"warp-lang": warp.__version__})
+
+    def settings(self, scene: Scene, division: Division, overrides: dict[str, str] | None = None) -> Any:
+        """See `Engine.settings`; bodies that are no spheres have one thread."""
+        made = super().settings(scene, division, overrides)
+        if made.threads > 1 and features(scene).shapes:
+            raise SettingsError(f"{self.name}[threads]: bodies that are no spheres have one (given: {made.threads})")
+        return made
 
     def forceable(self, scene: Scene, settings: Any) -> list[str]:
         """See `Engine.forceable`; bodies that are no spheres have one set of kernels."""

@@ -23,8 +23,9 @@ with its walls as primitives and 2.3 as the published mesh of 1200 triangles.
 lets all pairs share one shear history. Neither is used.
 
 Round walls are primitives where these are exact (`liggghts_round.py`), else polygons, which `law` names. Meshes are
-`fix mesh/surface` with the program's own `curvature`, stated in the deck; neighbouring triangles that differ by less
-are one face, and shear springs pass from one to the next. Bodies in sinks are removed between parts of a run.
+`fix mesh/surface` with the program's own `curvature`, stated in the deck, or less where a triangle has a smaller angle:
+it would refuse the mesh. Neighbouring triangles that differ by less than that are one face, and shear springs pass from
+one to the next. Bodies in sinks are removed between parts of a run.
 
 Edges of polygons. Where a body touches two sides at once, both push: a grain of 2 mm that hit an edge of 40 sides about
 50 mm with e = 0.5 came back with 0.37 of its speed, and with 0.49 beside it. A `curvature` above the angle between the
@@ -233,7 +234,9 @@ class Liggghts(Engine):
         throughput = PARTICLE_STEPS_PER_SECOND * settings.ranks
         cut = legs(scene, settings, throughput, launch.start)
         (directory / launch.deck).write_text(deck(scene, settings, parts, cut, launch, shown))
-        return [Phase(name="simulate", command=tuple(command), environment=environment)]
+        # some errors go to the output alone, which a program that aborts does not flush
+        flushing = [stdbuf, "-oL"] if (stdbuf := shutil.which("stdbuf")) else []
+        return [Phase(name="simulate", command=(*flushing, *command), environment=environment)]
 
     # ---- reading
 

@@ -19,8 +19,6 @@ from dembench.scene import Motion, Region, Scene, features
 
 SOFT_YOUNG, HARD_YOUNG = 5e6, 1e9
 IDS_PER_LINE = 1000
-CURVATURE = 0.256235
-"""Angle between neighbouring triangles below which they are one smooth face to the program [degrees]; its default."""
 FAR = 1e6
 """Height of a plane that no body comes near [m]."""
 FASTEST = 10.0
@@ -79,7 +77,6 @@ def _values(scene: Scene, settings: Any, parts: Walls) -> dict[str, Any]:
         "removal": removal(scene, settings),
         "thermo": max(1, steps // 200),
         "frame_every": every_of(steps_of(scene.frame_times(), settings.dt), steps),
-        "curvature": CURVATURE,
         "far": FAR,
         "first_forces": FIRST_FORCES,
         **_forces(scene, parts),

@@ -20,6 +20,10 @@ def type_of(scene: Scene, material: str) -> int:
     return 1 + [m.name for m in materials_of(scene)].index(material)
 
 
+CURVATURE = 0.256235
+"""Default of the program's option `curvature` [degrees]."""
+
+
 @dataclass(frozen=True)
 class Primitive:
     """An infinite wall of the program.
@@ -58,6 +62,18 @@ class Surface:
     type: int
     triangles: np.ndarray
     motion: Motion | None
+
+    def curvature(self) -> float:
+        """Angle between neighbouring triangles below which they are one smooth face to the program [degrees].
+
+        It is the program's default, or just below the smallest angle of a triangle: the program refuses a mesh with a
+        smaller one, as long sides of polygons have it.
+        """
+        sides = np.roll(self.triangles, -1, axis=1) - self.triangles
+        ahead, back = sides, -np.roll(sides, 1, axis=1)
+        across = np.linalg.norm(np.cross(ahead, back), axis=2)
+        angles = np.degrees(np.arctan2(across, (ahead * back).sum(axis=2)))
+        return min(CURVATURE, float(f"{0.9 * angles.min():.3g}"))
 
     def move(self) -> str:
         """Arguments of `fix move/mesh`; nothing for a surface at rest."""

@@ -28,7 +28,7 @@ class PecletSettings(EngineSettings):
     Attributes:
         rows: Kind of contact rows; `compliant`: the scene's soft-sphere law, implicit in substeps; `rigid`: no
             stiffness, restitution and friction of the pair laws. By default `rigid` for a rigid law, else `compliant`.
-        threads: Threads that share a step with compliant rows; the bits of a result depend on their number.
+        threads: Threads that share a step; the bits of a result depend on their number.
         substeps: Substeps of a step with compliant rows; None takes as many as the contacts of a step need.
         velocity_sweeps: Sweeps over compliant rows in a substep, by default 1; largest number of sweeps over rigid rows
             in a step, by default 8.
@@ -57,8 +57,6 @@ class PecletSettings(EngineSettings):
             usual = {"velocity_sweeps": 8, "position_sweeps": 12}
             if values.get("substeps") is not None:
                 raise ValueError("rigid rows have no substeps")
-            if int(values.get("threads") or 1) != 1:
-                raise ValueError("threads: rigid rows have one")
         return {**usual, **values}
 
     @model_validator(mode="after")

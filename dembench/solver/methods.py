@@ -81,8 +81,6 @@ def method_of(scene: Scene, chosen: dict[str, Any]) -> Method:
     for kind, least in (("velocity_sweeps", 1), ("position_sweeps", 0), ("substeps", 1)):
         if chosen[kind] is not None and chosen[kind] < least:
             raise SolverError(f"{kind} = {chosen[kind]}: accepted is {least} or more")
-    if name == "impulse" and rows == "rigid" and chosen["threads"] != 1:
-        raise SolverError(f"threads = {chosen['threads']}: rigid rows have one")
     device, lists, loads = chosen["device"], chosen["lists"], chosen["wall_loads"]
     lists = lists or ("half" if device == "cpu" else "full")
     _check_device(device, lists, name == "impulse" and rows == "rigid")
@@ -162,8 +160,7 @@ def carriers(scene: Scene, solved: Scene, units: Units, dt: float, m: Method) ->
         if m.compliant:
             return state, FullImpulses(scene, state, dt, m.precision, m.substeps, m.velocity_sweeps)
         return state, FullSpheres(solved, state, dt, m.precision, m.midpoint)
-    threads = 1 if m.impulses and not m.compliant else m.threads
-    state = State(scene, units, m.precision, threads, m.wall_loads, m.needs)
+    state = State(scene, units, m.precision, m.threads, m.wall_loads, m.needs)
     if m.compliant:
         return state, compliant.CompliantImpulses(scene, state, dt, m.precision, m.substeps, m.velocity_sweeps)
     if m.impulses:

@@ -38,7 +38,7 @@ class Simulation(Operations):
         scene: What is simulated.
         dt: Time step [s]; None takes the step of the closed division, "auto" what `timestep.choose_step` chooses for
             the soft-sphere solver.
-        threads: Threads that share a step; rigid rows have one.
+        threads: Threads that share a step.
         precision: "float32" (positions and velocities are float64 all the same) or "float64" throughout.
         midpoint: Dashpots use the mean velocity of the step, which allows a larger step.
         allow_unstable: Accept a step beyond the stability guard; `warnings` then says so.

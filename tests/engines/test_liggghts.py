@@ -211,7 +211,7 @@ def test_ranks_are_started_by_the_launcher_beside_the_program(tmp_path: Path, mo
     (tmp_path / "deck").mkdir()
     settings = Liggghts().settings(scene(), "closed", {"ranks": "2"})
     (phase,) = Liggghts().write(scene(), settings, tmp_path / "deck")
-    assert phase.command[0] == str(tmp_path / "own" / "mpirun")
+    assert str(tmp_path / "own" / "mpirun") in phase.command
 
 
 def test_two_ranks_give_the_frames_of_one(tmp_path: Path) -> None:

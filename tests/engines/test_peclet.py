@@ -8,7 +8,7 @@ import pytest
 
 from dembench.engines.base import SettingsError
 from dembench.engines.registry import engine
-from dembench.scene import Scene, scene_from
+from dembench.scene import Clump, Scene, scene_from
 
 
 def scene(**changes: Any) -> Scene:
@@ -92,3 +92,12 @@ def test_only_rigid_rows_make_position_sweeps() -> None:
 def test_settings_that_contradict_are_refused(given: dict[str, str]) -> None:
     with pytest.raises(SettingsError, match="peclet"):
         engine("peclet").settings(SOFT, "closed", given)
+
+
+@pytest.mark.parametrize("name", ["peclet", "peclet-hertz"])
+def test_bodies_that_are_no_spheres_have_one_thread(name: str) -> None:
+    rods = scene(species=({"name": "grain", "material": "grain", "shape": Clump.dumbbell(1e-3, 1e-3)},))
+    assert engine(name).settings(rods, "closed").threads == 1
+    assert engine(name).settings(SOFT, "closed", {"threads": "2"}).threads == 2
+    with pytest.raises(SettingsError, match=r"\[threads\]: bodies that are no spheres have one \(given: 2\)"):
+        engine(name).settings(rods, "closed", {"threads": "2"})

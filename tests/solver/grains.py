@@ -73,6 +73,18 @@ def resting_overlap(scene: Scene) -> float:
     return (weight / hertz(scene, 1.0, float(scene.radii()[0]))) ** (2 / 3)
 
 
+def pairs(n: int = 50) -> Scene:
+    """Pairs of grains far from each other that meet, slide and overlap, each in its own way."""
+    random = np.random.default_rng(5)
+    first = 10 * RADIUS * np.array([(k % 7, k // 7, 0) for k in range(n)], float)
+    towards = random.normal(size=(n, 3))
+    towards /= np.linalg.norm(towards, axis=1)[:, None]
+    second = first + random.uniform(1.98, 2.02, (n, 1)) * RADIUS * towards
+    position, shape = np.stack([first, second], axis=1).reshape(-1, 3), (2 * n, 3)
+    velocity, spin = random.normal(scale=0.2, size=shape), random.normal(scale=100, size=shape)
+    return grains(position, velocity, spin, gravity=(0, 0, -9.81))
+
+
 def crowd(n: int = 1728, **changes: Any) -> Scene:
     """Grains close together in a box, with a ball of five radii among them."""
     position, velocity, spin = gas(n, speed=0.5, spacing=2.02)

@@ -210,11 +210,6 @@ def test_threads_share_the_pairs_of_an_uneven_bed() -> None:
     assert ranges[1] < 0.4 * len(position)
 
 
-def test_rigid_rows_refuse_threads() -> None:
-    with pytest.raises(SolverError, match="threads = 2: rigid rows have one"):
-        Simulation(heap(), 1e-4, method="impulse", rows="rigid", threads=2)
-
-
 def test_energy_of_a_gas_that_falls_together_only_falls() -> None:
     position, velocity, spin = gas(64)
     scene = grains(position, velocity + 100 * (position.mean(axis=0) - position), spin, friction=0.0, restitution=0.6)

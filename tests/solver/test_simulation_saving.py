@@ -56,10 +56,11 @@ def bits(simulation: Simulation) -> list[bytes]:
         {"method": "soft-sphere", "dt": 1e-6, "threads": 2},
         {"method": "soft-sphere", "dt": 1e-6, "lists": "full"},
         {"method": "impulse", "rows": "rigid", "dt": 1e-5},
+        {"method": "impulse", "rows": "rigid", "dt": 1e-5, "threads": 2},
         {"method": "impulse", "rows": "compliant", "dt": 5e-5},
         {"method": "impulse", "rows": "compliant", "dt": 5e-5, "threads": 2},
     ],
-    ids=["soft", "two-threads", "full", "rigid", "compliant", "compliant-two-threads"],
+    ids=["soft", "two-threads", "full", "rigid", "rigid-two-threads", "compliant", "compliant-two-threads"],
 )
 def test_a_resumed_run_gives_the_same_bits(settings: dict[str, Any], tmp_path: Path) -> None:
     simulation = Simulation(shaken(), **settings)

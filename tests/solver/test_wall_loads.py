@@ -78,10 +78,11 @@ def test_a_drum_drags_a_sliding_grain_with_friction_and_feels_its_torque(driver:
     assert power == pytest.approx(0.2 * weight * 10 * 0.1, rel=0.01)
 
 
-def test_threads_add_up() -> None:
+@pytest.mark.parametrize("settings", [{}, {"method": "impulse", "rows": "rigid"}], ids=["soft spheres", "rigid rows"])
+def test_threads_add_up(settings: dict[str, str]) -> None:
     place = [[3 * RADIUS * k, 0, 0.999 * RADIUS] for k in range(130)]
     scene = grains(place, walls=(FLOOR,), gravity=GRAVITY)
-    one, two = (Simulation(scene, 4e-6, threads=n, wall_loads=True) for n in (1, 2))
+    one, two = (Simulation(scene, 4e-6, threads=n, wall_loads=True, **settings) for n in (1, 2))
     for simulation in (one, two):
         simulation.step(20)
     assert two.wall_force("floor") == pytest.approx(one.wall_force("floor"), rel=1e-6)

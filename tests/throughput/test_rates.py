@@ -79,9 +79,19 @@ def test_an_engine_that_cannot_share_a_step_is_a_row_that_says_so(scene: Timed, 
     assert row.detail == "it cannot share a step among cores"
 
 
-def test_settings_that_have_one_core_only_are_a_row_that_says_so(scene: Timed, tmp_path: Path) -> None:
+def test_settings_that_have_one_core_only_are_a_row_that_says_so(
+    scene: Timed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    engine, settings = registry.engine("peclet"), registry.engine("peclet").settings
+
+    def of_one_core(scene: Scene, division: Any, overrides: dict[str, str] | None = None) -> Any:
+        if (overrides or {}).get("threads") == "2":
+            raise SettingsError("threads: this scene has one")
+        return settings(scene, division, overrides)
+
+    monkeypatch.setattr(engine, "settings", of_one_core)
     one, two = entries(scene, "peclet[rows=rigid]", tmp_path, cores=(1, 2))
-    assert "rigid rows have one" in rate(two, []).detail
+    assert "this scene has one" in rate(two, []).detail
     row = rate(one, [took(1.0)] * SAMPLES)
     assert row.law and row.particle_steps_per_second == 400
 

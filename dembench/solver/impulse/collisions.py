@@ -11,21 +11,24 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.impulse.rows import PASSING, ImpulseOptions, limit_types, row_access, row_types
+from dembench.solver.impulse.row_opening import PASSING
+from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_access, row_types
+from dembench.solver.impulse.segments import END, Share, flag, joining_functions, segment_of, segments_of
 from dembench.solver.impulse.sweeps import row_arithmetic
 from dembench.solver.types import types, vec8d
 
 
 @cache
-def collide_functions(o: ImpulseOptions) -> Any:
-    """Warp functions `collide` (bodies, total, rows, count, limits, dt, sweep), which returns the number of collisions
-    and the sum of the normal impulses of the fast ones, and `close` (bodies, total, rows, count, dt).
+def collide_function(o: ImpulseOptions) -> Any:
+    """A Warp function (bodies, rows, share, limits, dt), which all threads call: it returns the number of collisions
+    and the sum of the normal impulses of the fast ones.
 
-    Sweep 0 visits every row; the later ones, in alternating direction, those of a body that collided since. A body that
+    Sweep 0 visits every row; the later ones, in alternating direction, those of a body that collided since, until none
+    does; in each the bridge comes last. A body that
     meets a wall or a held body moves with its old velocity until the gap is closed and with the new one from then on:
     its place at the start of the step is shifted to where its new path would have begun, else a bounce turns above the
     floor. So do two free bodies that pass each other: their normal is that of the touch, and the shift keeps their
-    angular momentum. Others fall together, and it would gain nothing. `close` takes the shifts into the gaps of all
+    angular momentum. Others fall together, and it would gain nothing. At the end the shifts go into the gaps of all
     rows.
     """
     t = types(o.precision)
@@ -35,7 +38,9 @@ def collide_functions(o: ImpulseOptions) -> Any:
     access = row_access(o.precision)
     first, second, state, collided = access.first, access.second, access.state, access.collided
     constants, impulses = access.constants, access.impulses
-    loads = o.walls.loads
+    loads, bridged = o.walls.loads, o.bridged
+    joining = joining_functions(o.threads)
+    give, joined = joining.give, joining.total
     velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
 
     @wp.func
@@ -59,8 +64,8 @@ def collide_functions(o: ImpulseOptions) -> Any:
         return -wp.dot(s, n)
 
     @wp.func
-    def close(b: Bodies, total: int, rows: Rows, count: int, dt: real):
-        for r in range(count):
+    def close(b: Bodies, total: int, rows: Rows, begin: int, end: int, dt: real):
+        for r in range(begin, end):
             i, j = first(rows, r), second(rows, r)
             if wp.max(collided(rows, i), collided(rows, j)) > 0:
                 a = constants(rows, r)
@@ -68,13 +73,13 @@ def collide_functions(o: ImpulseOptions) -> Any:
                 rows.a[r] = vec8(a[0], a[1], a[2], target, a[4], a[5], a[6], a[7])
 
     @wp.func
-    def collide(b: Bodies, total: int, rows: Rows, count: int, limits: Limits, dt: real, sweep: int):
+    def visit(b: Bodies, total: int, rows: Rows, begin: int, end: int, limits: Limits, dt: real, sweep: int):
         hits = int(0)
         blow = real(0.0)
-        for q in range(count):
+        for q in range(begin, end):
             r = q
             if sweep % 2 == 1:
-                r = count - 1 - q
+                r = begin + end - 1 - q
             i, j = first(rows, r), second(rows, r)
             if wp.max(collided(rows, i), collided(rows, j)) < sweep:
                 continue
@@ -107,4 +112,30 @@ def collide_functions(o: ImpulseOptions) -> Any:
                     blow += normal
         return hits, blow
 
-    return collide, close
+    @wp.func
+    def collide(b: Bodies, rows: Rows, share: Share, limits: Limits, dt: real):
+        own, own_end = rows.base[share.part] + 0, flag(share, share.part, END)
+        bridge, bridge_end = rows.base[share.parts] + 0, flag(share, share.parts, END)
+        sweep, hits, blow = int(0), int(0), real(0.0)
+        going = int(1)
+        while going == 1:
+            more, hard = visit(b, share.total, rows, own, own_end, limits, dt, sweep)
+            found = wp.vec4d(wp.float64(more), wp.float64(hard), wp.float64(0.0), wp.float64(0.0))
+            if wp.static(bridged):
+                give(share, found)
+                if share.part == 0:
+                    more, hard = visit(b, share.total, rows, bridge, bridge_end, limits, dt, sweep)
+                    found += wp.vec4d(wp.float64(more), wp.float64(hard), wp.float64(0.0), wp.float64(0.0))
+                found = joined(share, found)
+            hits += int(found[0])
+            blow += real(found[1])
+            sweep += 1
+            if found[0] == wp.float64(0.0) or sweep >= wp.max(limits.velocity_sweeps, 1):
+                going = 0
+        if hits > 0:
+            for k in range(segments_of(share)):
+                s = segment_of(share, k)
+                close(b, share.total, rows, rows.base[s], flag(share, s, END), dt)
+        return hits, blow
+
+    return collide

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,20 +21,23 @@ class RowTable:
 
     Attributes:
         i, j: Indices into the sorted arrays, shape (k,); j is the number of bodies or more for a wall.
+        slot: Where the impulses are remembered, shape (k,).
         a, b, u: As in the record Rows, shapes (k, 8), (k, 8), (m, 8).
     """
 
     i: np.ndarray
     j: np.ndarray
+    slot: np.ndarray
     a: np.ndarray
     b: np.ndarray
     u: np.ndarray
 
     @classmethod
-    def of(cls, rows: Any, count: int) -> RowTable:
-        """The first `count` rows of a record Rows."""
-        columns = [getattr(rows, name).numpy()[:count] for name in ("i", "j", "a", "b")]
-        return cls(*columns[:2], *(c.astype(float) for c in columns[2:]), rows.u.numpy().astype(float))
+    def of(cls, rows: Any, spans: Sequence[tuple[int, int]]) -> RowTable:
+        """The rows of a record Rows that stand in some spans, each from one index to before another."""
+        chosen = np.concatenate([np.arange(*span) for span in spans])
+        i, j, slot, a, b = (getattr(rows, name).numpy()[chosen] for name in ("i", "j", "slot", "a", "b"))
+        return cls(i, j, slot, a.astype(float), b.astype(float), rows.u.numpy().astype(float))
 
     @property
     def normal(self) -> np.ndarray:
@@ -101,7 +105,7 @@ class RowTable:
         i, j = self.i[loaded], self.j[loaded]
         walls = j >= bodies
         feature = np.full(len(i), -1)
-        feature[walls] = features[j[walls] - bodies]
+        feature[walls] = features[self.slot[loaded][walls]]
         return Touching(
             i=i,
             j=np.where(walls, -1, j),

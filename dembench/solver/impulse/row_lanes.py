@@ -11,34 +11,32 @@ import warp as wp
 
 from dembench.solver.impulse.blocks import FORGET, PUT
 from dembench.solver.impulse.rows import ImpulseOptions, row_types
-from dembench.solver.lanes import LANES, prelude
+from dembench.solver.impulse.segments import BLOCKS, END, FLAGS, OTHER, PER_SEGMENT, Share, flag
+from dembench.solver.lanes import prelude
 from dembench.solver.types import types
 
-BLOCKS = 9
-"""Where the numbers of blocks and of rows outside them stand in the state of the kernel."""
-
-# Rows without a place in the room for blocks, and those from `pairs` on, stand behind it. Lanes without a row: `nil`.
+# Rows without room in blocks, and those from `pairs` on, stand from `behind` on. Lanes without a row: `nil`.
 _ORDER = (
     FORGET
     + PUT
     + """
-int *order = rows.order.data, rest = 0;
-for (int r = 0; r < pairs; ++r)
+int *order = rows.order.data + at, *others = rows.order.data + behind, rest = 0, room = (behind - at) / W;
+for (int r = first; r < pairs; ++r)
     put(rows.i.data[r], rows.j.data[r], false, [&](int block, int lane) {
-        if (block >= room) { order[room * W + rest++] = r; return; }
+        if (block >= room) { others[rest++] = r; return; }
         if (lane == 0) for (int q = 0; q < W; ++q) order[block * W + q] = nil;
         order[block * W + lane] = r;
     });
-for (int r = pairs; r < count; ++r) order[room * W + rest++] = r;
-state.data[blocks] = used < room ? used : room;
-state.data[blocks + 1] = rest;
+for (int r = pairs; r < last; ++r) others[rest++] = r;
+share.state.data[flags] = used < room ? used : room;
+share.state.data[flags + 1] = rest;
 """
 )
 
 _VELOCITIES = """
 int changed = 0;
 for (int q = 0; q < blocks; ++q) {
-    const int *r = rows.order.data + (reverse ? blocks - 1 - q : q) * W;
+    const int *r = rows.order.data + first + (reverse ? blocks - 1 - q : q) * W;
     int i[W], j[W];
     for (int k = 0; k < W; ++k) { i[k] = rows.i.data[r[k]]; j[k] = rows.j.data[r[k]]; }
     real *u = (real*)rows.u.data;
@@ -84,7 +82,7 @@ return changed;
 _POSITIONS = """
 F largest = full(0);
 for (int q = 0; q < blocks; ++q) {
-    const int *r = rows.order.data + (reverse ? blocks - 1 - q : q) * W;
+    const int *r = rows.order.data + first + (reverse ? blocks - 1 - q : q) * W;
     int i[W], j[W];
     real push[W];
     for (int k = 0; k < W; ++k) {
@@ -118,10 +116,10 @@ return out;
 def lane_functions(o: ImpulseOptions) -> Any:
     """Warp functions by blocks.
 
-    order(rows, total, pairs, count, state): puts the rows 0..pairs into blocks, whose number goes to state[BLOCKS];
-    those that find no place there, and the rows pairs..count, stand from `room(rows)` on in `order`, their number in
-    state[BLOCKS + 1]. velocities(rows, blocks, still, reverse): see `sweep_functions`. positions(rows, blocks, slop,
-    dt, reverse): see `position_functions`; returns the largest overlap.
+    order(rows, share, segment, begin, end): puts the rows of pairs of a segment, which are between the bodies
+    begin..end, into blocks; those that find no place there, and the other rows, stand from `outside(rows, segment)` on
+    in `order`. velocities(rows, first, blocks, still, reverse): see `sweep_functions`; the blocks begin at `first`.
+    positions(rows, first, blocks, slop, dt, reverse): see `position_functions`; returns the largest overlap.
     """
     t = types(o.precision)
     real, Rows = t.real, row_types(o.precision)
@@ -130,30 +128,50 @@ def lane_functions(o: ImpulseOptions) -> Any:
     @wp.func_native(_ORDER)
     def put(
         rows: Rows,
+        share: Share,
         begin: int,
         end: int,
+        first: int,
         pairs: int,
-        count: int,
-        room: int,
+        last: int,
+        at: int,
+        behind: int,
         nil: int,
-        blocks: int,
-        state: wp.array(dtype=wp.int32),
+        flags: int,
     ): ...
 
     @wp.func_native(declared + _VELOCITIES)
-    def velocities(rows: Rows, blocks: int, still: real, reverse: int) -> int: ...
+    def velocities(rows: Rows, first: int, blocks: int, still: real, reverse: int) -> int: ...
 
     @wp.func_native(declared + _POSITIONS)
-    def positions(rows: Rows, blocks: int, slop: real, dt: real, reverse: int) -> real: ...
+    def positions(rows: Rows, first: int, blocks: int, slop: real, dt: real, reverse: int) -> real: ...
 
     @wp.func
-    def room(rows: Rows):
-        """Places of `order` that are in blocks; behind them is one for each row."""
-        return rows.order.shape[0] - rows.i.shape[0]
+    def blocks_at(rows: Rows, segment: int):
+        """Where the blocks of a segment begin in `order`."""
+        return rows.places[2 * segment] + 0
 
     @wp.func
-    def order(rows: Rows, total: int, pairs: int, count: int, state: wp.array(dtype=wp.int32)):
-        last = rows.i.shape[0] - 1
-        put(rows, 0, total, pairs, count, room(rows) / wp.static(LANES), last, wp.static(BLOCKS), state)
+    def outside(rows: Rows, segment: int):
+        """Where the rows of a segment outside its blocks begin in `order`."""
+        return rows.places[2 * segment + 1] + 0
 
-    return SimpleNamespace(order=order, velocities=velocities, positions=positions, room=room)
+    @wp.func
+    def order(rows: Rows, share: Share, segment: int, begin: int, end: int):
+        put(
+            rows,
+            share,
+            begin,
+            end,
+            rows.base[segment],
+            flag(share, segment, OTHER),
+            flag(share, segment, END),
+            blocks_at(rows, segment),
+            outside(rows, segment),
+            rows.i.shape[0] - 1 - segment % share.parts,
+            wp.static(FLAGS) + wp.static(PER_SEGMENT) * segment + BLOCKS,
+        )
+
+    return SimpleNamespace(
+        order=order, velocities=velocities, positions=positions, blocks_at=blocks_at, outside=outside
+    )

@@ -22,6 +22,16 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_types
+from dembench.solver.impulse.segments import (
+    END,
+    Share,
+    bodies_of,
+    body_of,
+    flag,
+    joining_functions,
+    segment_of,
+    segments_of,
+)
 from dembench.solver.impulse.sweeps import row_arithmetic, sweep_functions
 from dembench.solver.types import types
 
@@ -49,8 +59,8 @@ def search_types(precision: str) -> Any:
 def stabilization_functions(o: ImpulseOptions) -> Any:
     """Warp functions (flows, stabilize).
 
-    flows(rows, count, limits, blow) adds `blow`, the impulse of fast collisions, to the load in fast contacts.
-    stabilize(rows, search, count, blocks, rest, total, limits) returns the number of sweeps; `total`: number of bodies.
+    All threads call them. flows(rows, share, limits, blow) adds `blow`, the impulse of fast collisions, to the load in
+    fast contacts. stabilize(rows, search, share, limits) returns the number of sweeps.
     """
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
@@ -59,20 +69,26 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
     arithmetic = row_arithmetic(o)
     velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
     _warm_start, sweep, _remember = sweep_functions(o)
-    friction = o.friction
+    friction, bridged = o.friction, o.bridged
+    joining = joining_functions(o.threads)
+    wait, sum_of = joining.wait, joining.sum_of
+    zero = wp.constant(wp.float64(0.0))
 
     @wp.func
-    def flows(rows: Rows, count: int, limits: Limits, blow: real):
-        moving, load = blow + real(0.0), real(0.0)
-        for r in range(count):
-            b = rows.b[r]
-            if b[1] > real(0.0):
-                a = rows.a[r]
-                load += b[1]
-                n = vec3(a[0], a[1], a[2])
-                if wp.length(velocity(rows.u[rows.i[r]], rows.u[rows.j[r]], n, a[7], b[0])) > limits.fast:
-                    moving += b[1]
-        return moving > limits.share * load
+    def flows(rows: Rows, share: Share, limits: Limits, blow: real):
+        moving, load = real(0.0), real(0.0)
+        for k in range(segments_of(share)):
+            s = segment_of(share, k)
+            for r in range(rows.base[s], flag(share, s, END)):
+                b = rows.b[r]
+                if b[1] > real(0.0):
+                    a = rows.a[r]
+                    load += b[1]
+                    n = vec3(a[0], a[1], a[2])
+                    if wp.length(velocity(rows.u[rows.i[r]], rows.u[rows.j[r]], n, a[7], b[0])) > limits.fast:
+                        moving += b[1]
+        found = sum_of(share, wp.vec4d(wp.float64(moving), wp.float64(load), zero, zero))
+        return found[0] + wp.float64(blow) > wp.float64(limits.share) * found[1]
 
     @wp.func
     def impulses(b: vec8):
@@ -89,42 +105,41 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
         return wp.float64(s)
 
     @wp.func
-    def curvatures(rows: Rows, search: Search, total: int):
+    def curvatures(rows: Rows, search: Search, share: Share):
         """zAz, zAp, pAp."""
         zz, zp, pp = wp.float64(0.0), wp.float64(0.0), wp.float64(0.0)
-        for i in range(total):
+        for k in range(bodies_of(share)):
+            i = body_of(share, k)
             u = rows.u[i]
             z = u - search.u[i]
             p = search.du[i]
             zz += product(z, z, u)
             zp += product(z, p, u)
             pp += product(p, p, u)
-        return wp.vec3d(zz, zp, pp)
+        return sum_of(share, wp.vec4d(zz, zp, pp, zero))
 
     @wp.func
-    def slopes(rows: Rows, search: Search, count: int):
+    def slopes(rows: Rows, search: Search, share: Share):
         """zg, pg; z comes in as the impulses before the sweeps and becomes their change."""
         zg, pg = wp.float64(0.0), wp.float64(0.0)
-        for r in range(count):
-            a, b = rows.a[r], rows.b[r]
-            n = vec3(a[0], a[1], a[2])
-            v = velocity(rows.u[rows.i[r]], rows.u[rows.j[r]], n, a[7], b[0])
-            vn = wp.dot(v, n)
-            slip = v - vn * n
-            g = vec4(slip[0], slip[1], slip[2], vn - wp.min(a[3], real(0.0)))
-            z = impulses(b) - search.z[r]
-            search.z[r] = z
-            zg += wp.float64(wp.dot(z, g))
-            pg += wp.float64(wp.dot(search.p[r], g))
-        return wp.vec2d(zg, pg)
+        for k in range(segments_of(share)):
+            s = segment_of(share, k)
+            for r in range(rows.base[s], flag(share, s, END)):
+                a, b = rows.a[r], rows.b[r]
+                n = vec3(a[0], a[1], a[2])
+                v = velocity(rows.u[rows.i[r]], rows.u[rows.j[r]], n, a[7], b[0])
+                vn = wp.dot(v, n)
+                slip = v - vn * n
+                g = vec4(slip[0], slip[1], slip[2], vn - wp.min(a[3], real(0.0)))
+                z = impulses(b) - search.z[r]
+                search.z[r] = z
+                zg += wp.float64(wp.dot(z, g))
+                pg += wp.float64(wp.dot(search.p[r], g))
+        return sum_of(share, wp.vec4d(zg, pg, zero, zero))
 
     @wp.func
-    def advance(rows: Rows, search: Search, count: int, total: int, s: real, t: real):
-        """Makes the step s z + t p as far as the cones allow; p becomes z and the step.
-
-        Returns the root mean square over the bodies of the change of velocity by both.
-        """
-        for r in range(count):
+    def advance_rows(rows: Rows, search: Search, begin: int, end: int, s: real, t: real):
+        for r in range(begin, end):
             a, b = rows.a[r], rows.b[r]
             i, j = rows.i[r], rows.j[r]
             n = vec3(a[0], a[1], a[2])
@@ -139,41 +154,60 @@ def stabilization_functions(o: ImpulseOptions) -> Any:
             search.p[r] = z + vec4(across[0], across[1], across[2], ln - b[1])
             apply(rows, i, j, rows.u[i], rows.u[j], n, a[7], b[0], ln - b[1], across)
             rows.b[r] = vec8(b[0], ln, b[2], b[3], lt[0], lt[1], lt[2], b[7])
+
+    @wp.func
+    def advance(rows: Rows, search: Search, share: Share, s: real, t: real):
+        """Makes the step s z + t p as far as the cones allow; p becomes z and the step.
+
+        Returns the root mean square over the bodies of the change of velocity by both.
+        """
+        advance_rows(rows, search, rows.base[share.part], flag(share, share.part, END), s, t)
+        if wp.static(bridged):
+            wait(share)
+            if share.part == 0:
+                advance_rows(rows, search, rows.base[share.parts], flag(share, share.parts, END), s, t)
+            wait(share)
         squares = wp.float64(0.0)
-        for i in range(total):
+        for k in range(bodies_of(share)):
+            i = body_of(share, k)
             du = rows.u[i] - search.u[i]
             search.du[i] = du
             squares += wp.float64(du[0] * du[0] + du[1] * du[1] + du[2] * du[2])
-        return real(wp.sqrt(squares / wp.float64(wp.max(total, 1))))
+        found = sum_of(share, wp.vec4d(squares, zero, zero, zero))
+        return real(wp.sqrt(found[0] / wp.float64(wp.max(share.total, 1))))
 
     @wp.func
-    def stabilize(rows: Rows, search: Search, count: int, blocks: int, rest: int, total: int, limits: Limits):
-        zero = wp.float64(0.0)
-        for r in range(count):
-            search.p[r] = vec4()
-        for i in range(total):
-            search.du[i] = vec8()
+    def stabilize(rows: Rows, search: Search, share: Share, limits: Limits):
+        for k in range(segments_of(share)):
+            s = segment_of(share, k)
+            for r in range(rows.base[s], flag(share, s, END)):
+                search.p[r] = vec4()
+        for k in range(bodies_of(share)):
+            search.du[body_of(share, k)] = vec8()
         made = int(0)
         going = int(1)
         while going == 1:
-            for r in range(count):
-                search.z[r] = impulses(rows.b[r])
-            for i in range(total):
+            for k in range(segments_of(share)):
+                s = segment_of(share, k)
+                for r in range(rows.base[s], flag(share, s, END)):
+                    search.z[r] = impulses(rows.b[r])
+            for k in range(bodies_of(share)):
+                i = body_of(share, k)
                 search.u[i] = rows.u[i]
-            sweep(rows, blocks, rest, limits.still, 0)
-            sweep(rows, blocks, rest, limits.still, 1)
+            sweep(rows, share, limits.still, 0)
+            sweep(rows, share, limits.still, 1)
             made += 2
-            c = curvatures(rows, search, total)
-            g = slopes(rows, search, count)
-            s, t = zero, zero
+            c = curvatures(rows, search, share)
+            g = slopes(rows, search, share)
+            along, back = wp.float64(0.0), wp.float64(0.0)
             det = c[0] * c[2] - c[1] * c[1]
             # z and p of the same direction, as in the first step: along z alone
             if det > wp.float64(1.0e-6) * c[0] * c[2]:
-                s = (g[1] * c[1] - g[0] * c[2]) / det
-                t = (g[0] * c[1] - g[1] * c[0]) / det
-            elif c[0] > zero:
-                s = -g[0] / c[0]
-            moved = advance(rows, search, count, total, real(s), real(t))
+                along = (g[1] * c[1] - g[0] * c[2]) / det
+                back = (g[0] * c[1] - g[1] * c[0]) / det
+            elif c[0] > wp.float64(0.0):
+                along = -g[0] / c[0]
+            moved = advance(rows, search, share, real(along), real(back))
             if moved <= limits.calm or made >= limits.stabilization_sweeps:
                 going = 0
         return made

@@ -12,8 +12,8 @@ from dembench.scene import Scene, features
 from dembench.solver.guard import SolverError
 from dembench.solver.impulse.blocks import WINDOW
 from dembench.solver.impulse.diagnosis import RowTable
-from dembench.solver.impulse.row_lanes import BLOCKS
 from dembench.solver.impulse.rows import ImpulseOptions, limit_types, row_types
+from dembench.solver.impulse.segments import END, FLAGS, OTHER, PER_SEGMENT, PER_THREAD, TRAVEL, Share
 from dembench.solver.impulse.stabilization import search_types
 from dembench.solver.impulse.step import impulse_kernel
 from dembench.solver.inspection import Touching
@@ -45,7 +45,7 @@ but for one step only where that is more than SKIN_LIMIT diameters: long lists c
 NEAR_SKIN = 0.03
 """Gap up to which listed pairs are tested in every step: at least this, in smallest diameters."""
 ROOM = 1.25
-"""Room for rows in blocks, over the number of rows; rows beyond it are visited one by one."""
+"""Room for rows in blocks, over the number of listed pairs; rows beyond it are visited one by one."""
 BIG_SKIN = 0.5
 """Gap up to which bodies are candidates of a large body, in smallest diameters and beyond one step of travel."""
 
@@ -55,7 +55,7 @@ class Impulses:
 
     Args:
         scene: Its pair laws give restitution and friction; stiffness is not used.
-        state: With one part; the sweeps are serial.
+        state: With a part for each thread.
         dt: Time step [s].
         precision: "float32" or "float64".
         velocity_sweeps, position_sweeps: Largest number of sweeps of each kind per step.
@@ -85,6 +85,7 @@ class Impulses:
             stabilization=stabilization and state.needs.present.gravity,
             periodic=state.periodic,
             radii=state.needs.radii,
+            threads=state.parts > 1,
         )
         self.kernels = [impulse_kernel(self._options)]
         self._rows, self._search = row_types(precision)(), search_types(precision)()
@@ -94,8 +95,9 @@ class Impulses:
         self._fall = math.hypot(*gravity) * self.dt
         self._limits = self._limit(velocity_sweeps, position_sweeps, precision)
         self.expect(0.0)
-        self._flags = wp.zeros(BLOCKS + 2, dtype=wp.int32, device="cpu")
-        self._travel = wp.zeros(5, dtype=wp.float64, device="cpu")
+        self._flags = wp.zeros(FLAGS + PER_SEGMENT * (state.parts + 1), dtype=wp.int32, device="cpu")
+        self._travel = wp.zeros(TRAVEL + PER_THREAD * state.parts, dtype=wp.float64, device="cpu")
+        self._base = np.zeros(state.parts + 1, dtype=int)
         self._steps = 0
         self._big_skin = BIG_SKIN * state.diameter
 
@@ -110,11 +112,15 @@ class Impulses:
             SolverError: A velocity is not finite.
         """
         s, t = self.state, self._tables
-        inputs = [n, float(first), self.dt, self._gravity, s.n, s.total, s.walls.record, s.wall_speed]
-        inputs += [t.pairs, t.pair_columns, t.walls, t.wall_columns, s.skin, self._big_skin, s.big_capacity]
-        inputs += [len(self._rows.i) - 1, self._limits, s.pair_count, s.wall_count]
-        outputs = [s.bodies, s.lists, self._rows, self._search, s.near_count, self._flags, self._travel]
-        wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
+
+        def one(part: int) -> None:
+            inputs = [n, float(first), self.dt, self._gravity, s.walls.record, s.wall_speed]
+            inputs += [t.pairs, t.pair_columns, t.walls, t.wall_columns, s.skin, self._big_skin]
+            inputs += [s.base, s.wall_capacity, s.big_capacity, self._limits, s.pair_count, s.wall_count]
+            outputs = [self._share(part), s.bodies, s.lists, self._rows, self._search, s.near_count]
+            wp.launch(self.kernels[0], dim=1, device="cpu", inputs=inputs, outputs=outputs)
+
+        s.each_part(one)
         flags = self._flags.numpy()
         done, reason = int(flags[2]), int(flags[3])
         self._steps += done
@@ -126,6 +132,13 @@ class Impulses:
             s.grow_big()
             self.relist(first + done)
         return done
+
+    def _share(self, part: int) -> Any:
+        s, share = self.state, Share()
+        share.part, share.parts, share.n, share.total = part, s.parts, s.n, s.total
+        share.begin, share.end = int(s.ranges_host[part]), int(s.ranges_host[part + 1])
+        share.state, share.travel = self._flags, self._travel
+        return share
 
     def _limit(self, velocity_sweeps: int, position_sweeps: int, precision: str) -> Any:
         d, limits = self.state.diameter, limit_types(precision)()
@@ -166,13 +179,12 @@ class Impulses:
         }
 
     def _table(self) -> RowTable:
-        return RowTable.of(self._rows, int(self._flags.numpy()[4]))
+        segments = self._flags.numpy()[FLAGS:].reshape(-1, PER_SEGMENT)
+        return RowTable.of(self._rows, [*zip(self._base, segments[:, END], strict=True)])
 
     def relist(self, steps: int) -> None:
         """Builds the lists of the state after some steps, with room for the next ones, and rows for all of them."""
         s = self.state
-        # rows of the old order must not be taken for those of the new one
-        self._flags.numpy()[4] = 0
         s.place_walls(steps * self.dt)
         speed = np.linalg.norm(s.bodies.kin.numpy()[: s.total, 3:6], axis=1)
         reach = max(self.dt * float(speed[: s.n].max(initial=0)) + self._fall, self.dt * s.wall_speed)
@@ -185,30 +197,46 @@ class Impulses:
         self._big_skin = BIG_SKIN * s.diameter + 2 * (reach + reach_big) + margin
         s.rebuild()
         self._travel.numpy()[[0, 1, 2]] = 0.0, -1.0, -1.0
-        walls = int(s.wall_count.numpy()[0])
-        contacts = int(s.pair_count.numpy()[0]) + walls + (s.big_capacity if s.big_rows else 0)
-        if (
-            self._rows.i is None
-            or len(self._rows.i) <= contacts
-            or len(self._rows.u) <= s.total + walls
-            or len(self._rows.x) < s.total
-        ):
-            self._allocate(int(1.05 * contacts) + 64, int(1.2 * walls) + 64)
+        self._divide()
 
-    def _allocate(self, n: int, walls: int) -> None:
+    def _divide(self) -> None:
+        """Gives every segment the rows and places that the lists may ask for; there are no rows yet."""
+        s, rows = self.state, self._rows
+        listed, at_walls = s.pair_count.numpy().reshape(-1, 2), s.wall_count.numpy()
+        pairs = np.append(listed[:, 0], listed[:, 1].sum() * self._options.threads)
+        others = np.append(at_walls, s.big_capacity if s.big_rows else 0)
+        blocks = (np.ceil(ROOM * pairs / LANES).astype(int) + WINDOW) * LANES
+        places = np.stack([blocks, pairs + others], axis=1)
+        self._allocate(int((pairs + others).sum()), int(places.sum()), int(at_walls.sum()))
+        self._base = np.append(0, np.cumsum(pairs + others))[:-1]
+        rows.base.assign(np.append(self._base, (pairs + others).sum()))
+        rows.places.assign(np.append(0, np.cumsum(places))[:-1])
+        rows.fixed.assign(s.total + np.append(0, np.cumsum(at_walls))[:-1])
+        # rows of the old order must not be taken for those of the new one
+        segments = self._flags.numpy()[FLAGS:].reshape(-1, PER_SEGMENT)
+        segments[:] = 0
+        segments[:, [OTHER, END]] = self._base[:, None]
+
+    def _allocate(self, contacts: int, places: int, walls: int) -> None:
+        """Makes room for so many rows, places in blocks or outside, and walls in contact, where there is too little."""
         s, t, rows, search = self.state, self.state.types, self._rows, self._search
-        bodies = max(1, s.total)
+        bodies, parts = max(1, s.total), s.parts
+        enough = rows.i is not None and len(rows.i) >= contacts + parts and len(rows.u) >= s.total + walls + parts
+        if enough and len(rows.order) >= places and len(rows.x) >= s.total:
+            return
+        n, fixed = int(1.05 * contacts) + 64, int(1.2 * walls) + 64
         sizes = dict.fromkeys(("i", "j", "slot", "a", "b", "push", "apart"), n)
-        sizes |= dict.fromkeys(("x", "mask", "stamp"), bodies) | dict.fromkeys(("u", "hit", "shift"), bodies + walls)
-        sizes |= {"order": (math.ceil(ROOM * n / LANES) + WINDOW) * LANES + n}
-        sizes |= {"blow": n if self._options.walls.loads else 1}
+        sizes |= dict.fromkeys(("x", "mask", "stamp"), bodies) | dict.fromkeys(("u", "hit", "shift"), bodies + fixed)
+        sizes |= {"order": int(1.05 * places), "blow": n if self._options.walls.loads else 1}
+        sizes |= {"base": parts + 2, "places": 2 * parts + 2, "fixed": parts}
         kinds = {"a": t.vec8, "b": t.vec8, "u": t.vec8, "push": t.real, "apart": t.vec4, "shift": t.vec4}
         kinds |= {"blow": t.vec3, "x": wp.vec3d, "mask": wp.uint64}
         # the old arrays go first: both together would be the peak of the memory
         for wanted in (dict.fromkeys(sizes, 1), sizes):
             for name, size in wanted.items():
                 setattr(rows, name, wp.zeros(size, dtype=kinds.get(name, wp.int32), device="cpu"))
-        rows.i.numpy()[-1] = rows.j.numpy()[-1] = bodies + walls - 1
+        for nil in range(1, parts + 1):
+            rows.i.numpy()[-nil] = rows.j.numpy()[-nil] = bodies + fixed - nil
         if not self._options.stabilization:
             n = bodies = 1
         for size_rows, size_bodies in ((1, 1), (n, bodies)):

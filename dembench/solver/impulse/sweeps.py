@@ -13,6 +13,7 @@ import warp as wp
 from dembench.solver.impulse.exchange import impulse_function
 from dembench.solver.impulse.row_lanes import lane_functions
 from dembench.solver.impulse.rows import ImpulseOptions, row_access, row_types
+from dembench.solver.impulse.segments import BLOCKS, END, REST, Share, flag, joining_functions
 from dembench.solver.types import types
 
 
@@ -62,26 +63,28 @@ def row_arithmetic(o: ImpulseOptions) -> Any:
 
 @cache
 def sweep_functions(o: ImpulseOptions) -> Any:
-    """Warp functions (warm_start, sweep, remember).
+    """Warp functions (warm_start, sweep, remember), which all threads call.
 
-    sweep(rows, blocks, rest, still, reverse) visits every row once, those in blocks and the `rest` behind them, and
-    returns in how many a relative velocity changed by more than `still`.
+    sweep(rows, share, still, reverse) visits every row once and returns in how many a relative velocity changed by more
+    than `still`. In each segment the rows in blocks come first, the others then, and the bridge comes last; `reverse`
+    turns all of this around.
     """
     t = types(o.precision)
     real, vec3, vec4, vec8 = t.real, t.vec3, t.vec4, t.vec8
     Rows = row_types(o.precision)
     arithmetic, lanes = row_arithmetic(o), lane_functions(o)
     velocity, apply, in_cone = arithmetic.velocity, arithmetic.apply, arithmetic.in_cone
-    sweep_blocks, room = lanes.velocities, lanes.room
+    sweep_blocks, blocks_at, outside = lanes.velocities, lanes.blocks_at, lanes.outside
+    joining, bridged = joining_functions(o.threads), o.bridged
+    wait, give, joined = joining.wait, joining.give, joining.total
     access = row_access(o.precision)
     first, second, state = access.first, access.second, access.state
     constants, impulses, set_impulses = access.constants, access.impulses, access.set_impulses
     friction = o.friction
 
     @wp.func
-    def warm_start(rows: Rows, count: int):
-        """Applies the impulses that the rows bring along from the last step."""
-        for r in range(count):
+    def apply_rows(rows: Rows, begin: int, end: int):
+        for r in range(begin, end):
             b = rows.b[r]
             if b[1] > real(0.0):
                 a = rows.a[r]
@@ -90,8 +93,18 @@ def sweep_functions(o: ImpulseOptions) -> Any:
                 apply(rows, i, j, rows.u[i], rows.u[j], n, a[7], b[0], b[1], vec3(b[4], b[5], b[6]))
 
     @wp.func
-    def sweep_rest(rows: Rows, rest: int, still: real, reverse: int):
-        changed, begin = int(0), room(rows)
+    def warm_start(rows: Rows, share: Share):
+        """Applies the impulses that the rows bring along from the last step."""
+        apply_rows(rows, rows.base[share.part], flag(share, share.part, END))
+        if wp.static(bridged):
+            wait(share)
+            if share.part == 0:
+                apply_rows(rows, rows.base[share.parts], flag(share, share.parts, END))
+            wait(share)
+
+    @wp.func
+    def sweep_rest(rows: Rows, begin: int, rest: int, still: real, reverse: int):
+        changed = int(0)
         for q in range(rest):
             r = rows.order[begin + q]
             if reverse == 1:
@@ -118,13 +131,29 @@ def sweep_functions(o: ImpulseOptions) -> Any:
         return changed
 
     @wp.func
-    def sweep(rows: Rows, blocks: int, rest: int, still: real, reverse: int):
-        changed = int(0)
+    def sweep_segment(rows: Rows, share: Share, segment: int, still: real, reverse: int):
+        changed, blocks = int(0), flag(share, segment, BLOCKS)
         if reverse == 0:
-            changed = sweep_blocks(rows, blocks, still, 0)
-        changed += sweep_rest(rows, rest, still, reverse)
+            changed = sweep_blocks(rows, blocks_at(rows, segment), blocks, still, 0)
+        changed += sweep_rest(rows, outside(rows, segment), flag(share, segment, REST), still, reverse)
         if reverse == 1:
-            changed += sweep_blocks(rows, blocks, still, 1)
+            changed += sweep_blocks(rows, blocks_at(rows, segment), blocks, still, 1)
+        return changed
+
+    @wp.func
+    def sweep(rows: Rows, share: Share, still: real, reverse: int):
+        changed = int(0)
+        if wp.static(bridged):
+            if reverse == 1:
+                if share.part == 0:
+                    changed += sweep_segment(rows, share, share.parts, still, 1)
+                wait(share)
+        changed += sweep_segment(rows, share, share.part, still, reverse)
+        if wp.static(bridged):
+            give(share, wp.vec4d(wp.float64(changed)))
+            if reverse == 0 and share.part == 0:
+                changed += sweep_segment(rows, share, share.parts, still, 0)
+            changed = int(joined(share, wp.vec4d(wp.float64(changed)))[0])
         return changed
 
     @wp.func
