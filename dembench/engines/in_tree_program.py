@@ -83,6 +83,7 @@ class Recorder:
     def __init__(self, deck: Path, scene: Scene, dt: float, watch: Stopwatch, interval: float) -> None:
         self.deck, self.dt, self.watch, self.interval = deck, dt, watch, interval
         self.walls = observed_walls(scene)
+        self.low, self.high = np.array(scene.domain.lower), np.array(scene.domain.upper)
         self.asked_to_end = False
         (deck / FRAMES).mkdir(exist_ok=True)
         self._unflushed: list[Path] = []
@@ -90,23 +91,23 @@ class Recorder:
         self._next_clock = 0.0
         self._next_checkpoint = time.perf_counter() + interval
 
-    def frame(self, step: int, simulation: Any) -> np.ndarray:
-        """Writes all bodies and, where observed, the forces on walls; returns the table of the bodies."""
-        ids = simulation.ids
-        table = np.empty((len(ids), 10))
-        table[:, 0] = ids
-        # one after the other: all at once would need as much memory again
-        for first, name in ((1, "position"), (4, "velocity"), (7, "angular_velocity")):
-            table[:, first : first + 3] = getattr(simulation, name)
+    def frame(self, step: int, simulation: Any) -> list[int]:
+        """Writes all bodies and, where observed, the forces on walls; returns the ids of bodies outside the domain."""
         path = self.deck / FRAMES / f"{step}.npy"
         if self.walls:
             np.save(forces_of(path), [simulation.wall_force(wall) for wall in self.walls])
             self._unflushed.append(forces_of(path))
         with open(path.with_suffix(".tmp"), "wb") as stream:
-            np.save(stream, table)
+            form = {"descr": "<f8", "fortran_order": False, "shape": (len(simulation.ids), 10)}
+            np.lib.format.write_array_header_1_0(stream, form)
+            lost: list[int] = []
+            for table in simulation.table():
+                stream.write(table.tobytes())
+                away = ((table[:, 1:4] < self.low) | (table[:, 1:4] > self.high)).any(axis=1)
+                lost += table[away, 0].astype(int).tolist()
         os.replace(path.with_suffix(".tmp"), path)
         self._unflushed.append(path)
-        return table
+        return lost
 
     def track(self, step: int, moment: float, motion: tuple[np.ndarray, np.ndarray]) -> None:
         """Appends the tracked bodies, their positions and velocities."""
@@ -207,7 +208,6 @@ def _loop(scene: Scene, dt: float, simulation: Any, recorder: Recorder) -> None:
 
     frames = {round(t / dt): float(t) for t in scene.frame_times()}
     tracks = {round(t / dt): float(t) for t in scene.track_times()}
-    low, high = np.array(scene.domain.lower), np.array(scene.domain.upper)
     tracked = scene.tracked_bodies()
     first, last = simulation.steps, round(scene.duration / dt)
     signal.signal(signal.SIGTERM, lambda *_: setattr(recorder, "asked_to_end", True))
@@ -221,10 +221,9 @@ def _loop(scene: Scene, dt: float, simulation: Any, recorder: Recorder) -> None:
         if step in tracks:
             recorder.track(step, moment, motion)
         if step in frames:
-            table = recorder.frame(step, simulation)
-            lost = table[((table[:, 1:4] < low) | (table[:, 1:4] > high)).any(axis=1), 0]
-            if len(lost):
-                text = f"{len(lost)} particles have left the domain by t = {moment:g} s, the first is {lost[0]:.0f}"
+            lost = recorder.frame(step, simulation)
+            if lost:
+                text = f"{len(lost)} particles have left the domain by t = {moment:g} s, the first is {lost[0]}"
                 raise SolverError(text, reason="lost particles")
         recorder.watch.lap("output")
         recorder.clock(step, moment)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,24 @@ class Access:
         Bodies of the scene have their index there; later ones follow. An id is never given twice.
         """
         return self.state.ids()
+
+    def table(self, block: int = 1 << 12) -> Iterator[np.ndarray]:
+        """The bodies by ascending id, in tables of at most `block` of them; never are all of them copied at once.
+
+        Yields:
+            Rows of id, centre [m], velocity [m/s] and angular velocity [rad/s], shape (k, 10).
+        """
+        ids, places = self.state.identity.numpy(), self.state.places()
+        kin, spin = (getattr(self.state.bodies, name).numpy() for name in ("kin", "spin"))
+        for first in range(0, len(places), block):
+            at = places[first : first + block]
+            rows = np.zeros((len(at), 10))
+            rows[:, 0] = ids[at]
+            rows[:, 1:4] = wrapped(self.scene, kin[at, :3] * self.units.length)
+            rows[:, 4:7] = kin[at, 3:6] * self.units.velocity
+            if len(spin):
+                rows[:, 7:] = spin[at, :3].astype(np.float64) / self.units.time
+            yield rows
 
     @property
     def species(self) -> np.ndarray:

@@ -236,6 +236,12 @@ class BodyArrays(ABC):
         out *= scale
         return out
 
+    def places(self) -> np.ndarray:
+        """Where the bodies stand in the arrays, by ascending id, shape (total,)."""
+        out = np.empty(self.total, dtype=np.int32)
+        out[self.rank()] = np.arange(self.total, dtype=np.int32)
+        return out
+
     def slots(self, ids: Sequence[int]) -> np.ndarray:
         """Where bodies stand in the arrays, shape (m,); cheap for a few.
 
@@ -266,7 +272,7 @@ class BodyArrays(ABC):
             return ids
         there = np.zeros(self.limit, dtype=bool)
         there[ids] = True
-        return (np.cumsum(there) - 1)[ids]
+        return (np.cumsum(there, dtype=np.int32) - 1)[ids]
 
     def alike(self) -> bool:
         """Whether all small bodies are of one kind, and may be taken so."""

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import warp as wp
 
+from dembench.solver.workspace import blocks
+
 if TYPE_CHECKING:
     from dembench.solver.state import State
 
@@ -22,12 +24,13 @@ def drain(state: State) -> tuple[int, bool]:
     """
     if not state.sinks:
         return 0, False
-    leaves = np.zeros(state.total, dtype=bool)
-    position = state.bodies.kin.numpy()[: state.total, :3] * state.units.length
-    for k, region in enumerate(state.sinks):
-        inside = region.contains(position) & ~leaves
-        state.drained[k] += np.count_nonzero(inside)
-        leaves |= inside
+    leaves, kin = np.zeros(state.total, dtype=bool), state.bodies.kin.numpy()
+    for block in blocks(state.total):
+        position = kin[block, :3] * state.units.length
+        for k, region in enumerate(state.sinks):
+            inside = region.contains(position) & ~leaves[block]
+            state.drained[k] += np.count_nonzero(inside)
+            leaves[block] |= inside
     return int(np.count_nonzero(leaves)), bool(leaves.any()) and remove(state, leaves)
 
 
@@ -41,7 +44,7 @@ def remove(state: State, leaves: np.ndarray) -> bool:
     Returns:
         Whether one of them was in contact with a body that stays.
     """
-    source = np.flatnonzero(~leaves)
+    source = np.flatnonzero(~leaves).astype(np.int32)
     touched = any(
         bool(_in_contact(state, i, j, memory)[leaves[i] != leaves[j]].any())
         for i, j, memory in (*listed_pairs(state), *large_pairs(state))
@@ -95,12 +98,15 @@ def renumber(state: State, source: np.ndarray, small: int) -> None:
     old_n, old_total, rows = state.n, state.total, state.big_rows
     kept = source >= 0
     place = np.full(old_total, -1, dtype=np.int32)
-    place[source[kept]] = np.flatnonzero(kept)
+    backwards = False
+    for block in blocks(len(source)):
+        of, at = source[block], np.arange(block.start, block.stop, dtype=np.int32)
+        place[of[of >= 0]] = at[of >= 0]
+        backwards |= bool((of < at).any())
     _renumber_lists(state, place)
     arrays = {name: getattr(state.bodies, name) for name in state.bodies._cls.vars}
-    held = {name: a for name, a in arrays.items() if isinstance(a, wp.array) and len(a)}
-    columns = {name: a.numpy()[:old_total].copy() for name, a in held.items()}
-    identity = state.identity.numpy()[:old_total].copy()
+    held = {name: a.numpy()[:old_total] for name, a in arrays.items() if isinstance(a, wp.array) and len(a)}
+    identity = state.identity.numpy()[:old_total]
     memory = np.zeros((rows, old_total, 4))
     if state.needs.history:
         memory = state.lists.big_memory.numpy()[: rows * old_total].reshape(rows, old_total, 4)
@@ -116,19 +122,27 @@ def renumber(state: State, source: np.ndarray, small: int) -> None:
     state.divide()
     if remembers:
         state.lists.big_memory.numpy()[: moved.size // 4] = moved.reshape(-1, 4)
-    for name, old in columns.items():
-        array = getattr(state.bodies, name).numpy()
-        array[:total][kept] = old[source[kept]]
-        array[:total][~kept] = 0
-    state.identity.numpy()[:total][kept] = identity[source[kept]]
+    for old, new in (*((old, getattr(state.bodies, name)) for name, old in held.items()), (identity, state.identity)):
+        # rows that come from behind may take their new places one after the other, others not
+        _move(old.copy() if backwards else old, new.numpy(), source)
+
+
+def _move(old: np.ndarray, new: np.ndarray, source: np.ndarray) -> None:
+    """Makes row k of `new` that which was source[k] of `old`, 0 where that is -1."""
+    for block in blocks(len(source)):
+        rows = old[np.maximum(source[block], 0)]
+        rows[source[block] < 0] = 0
+        new[block] = rows
 
 
 def _renumber_lists(state: State, place: np.ndarray) -> None:
-    for i, j, memory in listed_pairs(state):
-        new_i, new_j = place[i], place[j]
-        gone = (new_i < 0) | (new_j < 0)
-        memory[gone[: len(memory)]] = 0
-        i[:], j[:] = np.where(gone, 0, new_i), np.where(gone, 0, new_j)
+    for pairs in listed_pairs(state):
+        for block in blocks(len(pairs[0])):
+            i, j, memory = (array[block] for array in pairs)
+            new_i, new_j = place[i], place[j]
+            gone = (new_i < 0) | (new_j < 0)
+            memory[gone[: len(memory)]] = 0
+            i[:], j[:] = np.where(gone, 0, new_i), np.where(gone, 0, new_j)
     for body, memory in listed_at_walls(state):
         new = place[body]
         memory[(new < 0)[: len(memory)]] = 0

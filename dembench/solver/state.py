@@ -11,6 +11,7 @@ import warp as wp
 from dembench.solver.body_arrays import BodyArrays
 from dembench.solver.neighbours import list_kernels
 from dembench.solver.population import drain, large_pairs, listed_at_walls, listed_pairs
+from dembench.solver.types import vec8d
 from dembench.solver.workspace import Workspace
 
 LISTED = 5
@@ -116,22 +117,24 @@ class State(BodyArrays):
         cells, kept = int(np.prod(list(grid[3]))), self.types.Kept()
         contacts = max(_remembering(listed) for listed in (listed_pairs(self), listed_at_walls(self)))
         lengths = [cells + 1, n, n, total, total, contacts, contacts]
-        *numbers, kept.memory = self.workspace.arrays(*((k, wp.int32) for k in lengths), (contacts, self.types.vec4))
+        wanted = [*((k, wp.int32) for k in lengths), (contacts, self.types.vec4), (n, vec8d)]
+        *numbers, kept.memory, moved = self.workspace.arrays(*wanted)
         start, cell, order, place, head, kept.j, kept.follow = numbers
         if n:
             self._launch(self.kernels.sort, self.bodies, n, *grid, cell, start, order)
-        self._reorder(order.numpy())
-        place.numpy()[:] = np.arange(total)
-        place.numpy()[order.numpy()] = np.arange(n)
+        self._reorder(order.numpy(), moved.numpy())
+        place.numpy()[:] = np.arange(total, dtype=np.int32)
+        place.numpy()[order.numpy()] = np.arange(n, dtype=np.int32)
         return (*grid, start), place, head, kept
 
-    def _reorder(self, order: np.ndarray) -> None:
-        """Moves all that belongs to the small bodies into the new order; large ones stay where they are."""
+    def _reorder(self, order: np.ndarray, moved: np.ndarray) -> None:
+        """Moves all that belongs to the small bodies into the new order, by way of `moved`; large ones stay."""
         n = self.n
         bodies = [getattr(self.bodies, name) for name in self.bodies._cls.vars]
         for array in (self.identity, *(a for a in bodies if isinstance(a, wp.array) and len(a))):
-            rows = array.numpy()
-            rows[:n] = rows[order]
+            rows = array.numpy()[:n]
+            out = moved.reshape(-1).view(rows.dtype)[: rows.size].reshape(rows.shape)
+            rows[:] = np.take(rows, order, axis=0, out=out, mode="clip")
         if self.needs.history and self.big_rows:
             memory = self.lists.big_memory.numpy()[: self.big_rows * self.total]
             memory = memory.reshape(self.big_rows, self.total, 4)

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import warp as wp
 
 ALIGNED = 64
 """Arrays begin at multiples of this, a cache line [B]."""
+
+
+BLOCK = 1 << 12
+"""Rows that are treated at a time where all at once would need memory for copies of them."""
+
+
+def blocks(n: int) -> Iterator[slice]:
+    """Cuts n rows into blocks, ascending."""
+    for first in range(0, n, BLOCK):
+        yield slice(first, min(first + BLOCK, n))
 
 
 class Workspace:

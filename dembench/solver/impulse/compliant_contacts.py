@@ -39,11 +39,20 @@ class Segment:
     constants: int
 
 
+def count_open(segments: list[Segment], rows: Any) -> int:
+    """Number of the rows that were open in the last substep."""
+    return sum(int(np.count_nonzero(_open(segment, rows))) for segment in segments)
+
+
 def open_rows(segments: list[Segment], rows: Any) -> np.ndarray:
     """Places of the rows that were open in the last substep."""
-    slot, overlap = rows.slot.numpy(), rows.a.numpy().reshape(-1, A, LANES)[:, 3].ravel()
-    used = np.concatenate([np.arange(s.begin * LANES, s.end * LANES) for s in segments])
-    return used[(slot[used] >= 0) & (overlap[used] > -FAR)]
+    return np.concatenate([s.begin * LANES + np.flatnonzero(_open(s, rows)) for s in segments])
+
+
+def _open(s: Segment, rows: Any) -> np.ndarray:
+    """Whether the rows of a segment were open, shape (blocks, LANES)."""
+    slot, a = rows.slot.numpy().reshape(-1, LANES), rows.a.numpy().reshape(-1, A, LANES)
+    return (slot[s.begin : s.end] >= 0) & (a[s.begin : s.end, 3] > -FAR)
 
 
 @cache

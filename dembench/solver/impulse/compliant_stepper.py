@@ -8,7 +8,7 @@ import warp as wp
 from dembench.scene import Rigid, Scene, features
 from dembench.solver.body_arrays import BodyArrays
 from dembench.solver.guard import SolverError
-from dembench.solver.impulse.compliant_contacts import Segment, open_rows, touching
+from dembench.solver.impulse.compliant_contacts import Segment, count_open, touching
 from dembench.solver.impulse.compliant_rows import (
     FLAGS,
     PER_SEGMENT,
@@ -124,7 +124,7 @@ class CompliantImpulses:
         """Rows of the last substep; fewest, mean and most substeps of a step."""
         flags, travel = self._flags.numpy(), self._travel.numpy()
         return {
-            "rows": len(open_rows(self._segments(), self._rows)),
+            "rows": count_open(self._segments(), self._rows),
             "fewest substeps of a step": int(flags[8]),
             "mean substeps of a step": float(travel[8]) / max(1, self._steps),
             "most substeps of a step": int(flags[9]),
