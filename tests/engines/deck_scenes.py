@@ -18,6 +18,9 @@ VOID = {
     "origin": (0, 0, -0.01),
     "spacing": 0.01,
 }
+FLOOR = {"kind": "plane", "name": "floor", "material": "steel", "point": (0, 0, -0.02), "normal": (0, 0, 1)}
+SINKS = ({"name": "outlet", "region": {"lower": (0.01, None, None), "upper": (None, None, -0.01)}},)
+PERIODIC = {"lower": (-0.03,) * 3, "upper": (0.03,) * 3, "periodic": (True, True, False)}
 
 
 def scene(**changes: Any) -> Scene:
@@ -78,6 +81,32 @@ def drum(**changes: Any) -> Scene:
     """Grains in a turning cylinder."""
     start = [[0.003 * k, 0.002 * k, -0.0164 + 0.0005 * k * k] for k in range(-2, 3)]
     return scene(**{"name": "drum", "walls": ({**DRUM, "motion": TURNING},), "bodies": {"position": start}, **changes})
+
+
+def chute(motion: dict[str, Any] | None = None, observed: tuple[str, ...] = ()) -> Scene:
+    """A grain between a moving belt and a slope, a body that cannot turn, and a sink.
+
+    Args:
+        motion: That of the slope.
+        observed: Walls whose forces are recorded.
+    """
+    belt = {**FLOOR, "name": "belt", "motion": {"velocity": (0.5, 0, 0), "surface": True}}
+    slope = {**FLOOR, "name": "slope", "material": "glass", "normal": (0, 0.6, 0.8), "motion": motion}
+    forces = ({"kind": "wall-force", "name": name, "wall": name, "interval": 1e-3} for name in observed)
+    return scene(
+        name="chute",
+        walls=(belt, slope),
+        bodies={"position": [[0, 0, 0], [0.005, 0, 0]]},
+        constraints=({"kind": "rotation-locked", "bodies": (1,)},),
+        sinks=SINKS,
+        observables=({"kind": "count", "name": "all", "interval": 1e-3}, *forces),
+    )
+
+
+def layer(law: dict[str, str], **changes: Any) -> Scene:
+    """Grains over a floor between periodic sides."""
+    bodies = {"position": [[0, 0, 0], [0.005, 0, 0]]}
+    return scene(name="layer", law=law, walls=(FLOOR,), bodies=bodies, domain=PERIODIC, **changes)
 
 
 def grains() -> Scene:

@@ -8,12 +8,13 @@ import math
 import shutil
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from deck_scenes import BOX, VOID, box, drum, scene, two_spheres
+from deck_scenes import BOX, FLOOR, VOID, box, chute, drum, layer, scene, two_spheres
 from parts import DRUM, TURNING
 
 from dembench.engines.base import SettingsError
@@ -21,43 +22,16 @@ from dembench.engines.kratos import Kratos
 from dembench.scene import Scene
 
 GOLDEN = Path(__file__).parent / "golden"
-FLOOR = {"kind": "plane", "name": "floor", "material": "steel", "point": (0, 0, -0.02), "normal": (0, 0, 1)}
+CLIPPED = {"kind": "hertz-mindlin", "variant": "no-tension"}
 SHAKEN = {"amplitude": (0, 0, 1e-3), "frequency": 50.0}
-SINKS = ({"name": "outlet", "region": {"lower": (0.01, None, None), "upper": (None, None, -0.01)}},)
-
-
-def chute() -> Scene:
-    """A grain between a moving belt and a shaken slope, forces on both, a body that cannot turn, and a sink."""
-    belt = {**FLOOR, "name": "belt", "motion": {"velocity": (0.5, 0, 0), "surface": True}}
-    slope = {**FLOOR, "name": "slope", "material": "glass", "normal": (0, 0.6, 0.8), "motion": SHAKEN}
-    forces = ({"kind": "wall-force", "name": name, "wall": name, "interval": 1e-3} for name in ("belt", "slope"))
-    return scene(
-        name="chute",
-        walls=(belt, slope),
-        bodies={"position": [[0, 0, 0], [0.005, 0, 0]]},
-        constraints=({"kind": "rotation-locked", "bodies": (1,)},),
-        sinks=SINKS,
-        observables=({"kind": "count", "name": "all", "interval": 1e-3}, *forces),
-    )
-
-
-def layer() -> Scene:
-    """Grains that clip the tension over a floor between periodic sides."""
-    return scene(
-        name="layer",
-        law={"kind": "hertz-mindlin", "variant": "no-tension"},
-        walls=(FLOOR,),
-        bodies={"position": [[0, 0, 0], [0.005, 0, 0]]},
-        domain={"lower": (-0.03,) * 3, "upper": (0.03,) * 3, "periodic": (True, True, False)},
-    )
 
 
 CASES: dict[str, tuple[Any, dict[str, str]]] = {
     "kratos_two_spheres": (two_spheres, {}),
     "kratos_box": (box, {"threads": "2"}),
     "kratos_drum": (drum, {"segments": "24"}),
-    "kratos_chute": (chute, {"sink_interval": "0.001"}),
-    "kratos_layer": (layer, {}),
+    "kratos_chute": (partial(chute, SHAKEN, ("belt", "slope")), {"sink_interval": "0.001"}),
+    "kratos_layer": (partial(layer, CLIPPED), {}),
 }
 
 
@@ -115,7 +89,7 @@ def test_threads_are_those_of_the_environment(tmp_path: Path, monkeypatch: pytes
 
 def test_the_scenes_own_clipped_law_gets_its_own_dashpots(tmp_path: Path) -> None:
     """Tsuji's ratio is sqrt(5/6) b with b = -ln e / sqrt(ln^2 e + pi^2), of the critical damping 2 sqrt(S m)."""
-    (line,) = (line for line in write(layer(), tmp_path).splitlines() if line.startswith("damping = "))
+    (line,) = (line for line in write(layer(CLIPPED), tmp_path).splitlines() if line.startswith("damping = "))
     ratios, log = ast.literal_eval(line.removeprefix("damping = ")), math.log(0.5)
     assert ratios[1, 1] == pytest.approx(-math.sqrt(5 / 6) * log / math.hypot(log, math.pi))
     assert ratios[1, 2] == ratios[2, 1] > ratios[1, 1], "steel on glass rebounds less"

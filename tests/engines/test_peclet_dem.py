@@ -8,12 +8,13 @@ import math
 import shutil
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from deck_scenes import BOX, VOID, box, drum, scene, two_spheres
+from deck_scenes import BOX, FLOOR, PERIODIC, SINKS, VOID, box, chute, drum, layer, scene, two_spheres
 from parts import DRUM
 
 from dembench.engines.base import SettingsError
@@ -22,24 +23,7 @@ from dembench.engines.peclet_dem_walls import Grid, default_fine, grids, surface
 from dembench.scene import Scene
 
 GOLDEN = Path(__file__).parent / "golden"
-FLOOR = {"kind": "plane", "name": "floor", "material": "steel", "point": (0, 0, -0.02), "normal": (0, 0, 1)}
-SINKS = ({"name": "outlet", "region": {"lower": (0.01, None, None), "upper": (None, None, -0.01)}},)
 RIGID = {"kind": "rigid"}
-PERIODIC = {"lower": (-0.03,) * 3, "upper": (0.03,) * 3, "periodic": (True, True, False)}
-
-
-def chute() -> Scene:
-    """A grain between a moving belt and a slope, in a scene with a sink."""
-    belt = {**FLOOR, "name": "belt", "motion": {"velocity": (0.5, 0, 0), "surface": True}}
-    slope = {**FLOOR, "name": "slope", "material": "glass", "normal": (0, 0.6, 0.8)}
-    return scene(
-        name="chute",
-        walls=(belt, slope),
-        bodies={"position": [[0, 0, 0], [0.005, 0, 0]]},
-        constraints=({"kind": "rotation-locked", "bodies": (1,)},),
-        sinks=SINKS,
-        observables=({"kind": "count", "name": "all", "interval": 1e-3},),
-    )
 
 
 def alike(restitution: float, friction: float, **more: Any) -> tuple[dict[str, Any], ...]:
@@ -48,24 +32,15 @@ def alike(restitution: float, friction: float, **more: Any) -> tuple[dict[str, A
     return ({"a": "glass", "b": "glass", **own}, {"a": "steel", "b": "glass", **own})
 
 
-def layer() -> Scene:
-    """Rigid grains over a floor between periodic sides."""
-    return scene(
-        name="layer",
-        law=RIGID,
-        walls=(FLOOR,),
-        bodies={"position": [[0, 0, 0], [0.005, 0, 0]]},
-        pair_laws=alike(0.5, 0.3, tangential_restitution=0.25),
-        domain=PERIODIC,
-    )
-
-
 CASES: dict[str, tuple[Any, dict[str, str]]] = {
     "peclet_dem_two_spheres": (two_spheres, {}),
     "peclet_dem_box": (box, {"threads": "2"}),
     "peclet_dem_drum": (drum, {"grid": "0.001"}),
     "peclet_dem_chute": (chute, {"sink_interval": "0.001"}),
-    "peclet_dem_layer": (layer, {"velocity_iterations": "8"}),
+    "peclet_dem_layer": (
+        partial(layer, RIGID, pair_laws=alike(0.5, 0.3, tangential_restitution=0.25)),
+        {"velocity_iterations": "8"},
+    ),
 }
 
 
