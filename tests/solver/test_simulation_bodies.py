@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -203,3 +204,25 @@ def test_the_motion_of_single_bodies_is_that_in_the_arrays(method: str) -> None:
     assert (position == simulation.position[rows]).all() and (velocity == simulation.velocity[rows]).all()
     with pytest.raises(SolverError, match="body 7 is gone"):
         simulation.motion([3, 7])
+
+
+def test_the_table_is_that_of_the_arrays_in_blocks_and_no_copy_of_all() -> None:
+    """Also where bodies have left, and with the order of the sorted arrays another one than that of the ids."""
+    n = 20_000
+    lattice = np.stack((*np.divmod(np.arange(n), 200), np.zeros(n)), axis=1)
+    place = 3 * RADIUS * np.random.default_rng(2).permutation(lattice)
+    simulation = Simulation(grains(place, 0.1 * place, 100 * place), 1e-6)
+    simulation.step(2)
+    simulation.remove(np.arange(0, n, 7))
+    tables = list(simulation.table(block=1000))
+    assert {len(table) for table in tables[:-1]} == {1000} and 0 < len(tables[-1]) <= 1000
+    whole = np.concatenate(tables)
+    assert np.array_equal(whole[:, 0], simulation.ids)
+    for first, name in ((1, "position"), (4, "velocity"), (7, "angular_velocity")):
+        assert np.array_equal(whole[:, first : first + 3], getattr(simulation, name)), name
+    tracemalloc.start()
+    for _table in simulation.table(block=1000):
+        pass
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 30 * n < whole.nbytes / 2

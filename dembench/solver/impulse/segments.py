@@ -119,31 +119,23 @@ def joining_functions(threads: bool) -> Any:
         at = wp.static(JOINED)
         return wp.vec4d(share.travel[at], share.travel[at + 1], share.travel[at + 2], share.travel[at + 3])
 
-    @wp.func
-    def total(share: Share, x: wp.vec4d):
-        out = x
-        if wp.static(threads):
-            if share.part == 0:
-                for c in range(4):
-                    s = x[c]
-                    for p in range(1, share.parts):
-                        s += share.travel[wp.static(TRAVEL) + wp.static(PER_THREAD) * p + c]
-                    share.travel[wp.static(JOINED) + c] = s
-            out = joined(share)
-        return out
+    def joining(operation: Any) -> Any:
+        @wp.func
+        def found(share: Share, x: wp.vec4d):
+            out = x
+            if wp.static(threads):
+                if share.part == 0:
+                    for c in range(4):
+                        s = x[c]
+                        for p in range(1, share.parts):
+                            s = operation(s, share.travel[wp.static(TRAVEL) + wp.static(PER_THREAD) * p + c])
+                        share.travel[wp.static(JOINED) + c] = s
+                out = joined(share)
+            return out
 
-    @wp.func
-    def largest(share: Share, x: wp.vec4d):
-        out = x
-        if wp.static(threads):
-            if share.part == 0:
-                for c in range(4):
-                    s = x[c]
-                    for p in range(1, share.parts):
-                        s = wp.max(s, share.travel[wp.static(TRAVEL) + wp.static(PER_THREAD) * p + c])
-                    share.travel[wp.static(JOINED) + c] = s
-            out = joined(share)
-        return out
+        return found
+
+    total, largest = joining(wp.add), joining(wp.max)
 
     @wp.func
     def sum_of(share: Share, x: wp.vec4d):
