@@ -24,7 +24,8 @@ from dembench.verification.stability.common import (
     rayleigh,
 )
 
-COUNT, FRACTION, COOLING_E = 1000, 0.05, 0.9
+EDGE, FRACTION, COOLING_E = 16, 0.05, 0.9
+COUNT = EDGE**3
 TAUS, SAMPLES = 10.0, 40
 HARDNESS = 0.04
 """Contact time of the soft gas at the start [s]; spheres of d = 1 m fly freely for 1.3 s at 1 m/s."""
@@ -76,7 +77,7 @@ def cooling_scene(name: str, law: Law | None) -> Scene:
     kind = Kind(2 * modulus * (1 - 0.25**2), density, radius, restitution=COOLING_E)
     edge = (COUNT * math.pi / 6 / FRACTION) ** (1 / 3)
     random = np.random.default_rng(11)
-    position = lattice((10, 10, 10), edge / 10) + 0.5 * edge / 10 + random.uniform(-0.3, 0.3, (COUNT, 3))
+    position = lattice((EDGE,) * 3, edge / EDGE) + 0.5 * edge / EDGE + random.uniform(-0.3, 0.3, (COUNT, 3))
     velocity = random.normal(size=(COUNT, 3))
     velocity -= velocity.mean(axis=0)
     velocity /= math.sqrt((velocity**2).mean())
@@ -113,7 +114,7 @@ def _haff(ids: str, name: str, title: str, law: Law | None) -> Experiment:
     tau = enskog_time()
     return on_one_scene(
         name,
-        f"Cooling of 1000 {title} (instead of 4096)",
+        f"Cooling of {COUNT} {title}",
         partial(cooling_scene, name, law),
         partial(_cooling, ids=ids),
         (
