@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from os import SEEK_END
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, overload
 
@@ -217,6 +218,18 @@ class Checkpoint(Model):
     note: str = ""
 
 
+def end_of(path: Path, length: int = 4096) -> str:
+    """The last bytes of a text file, whole lines; empty where there is none."""
+    try:
+        with open(path, "rb") as stream:
+            start = max(0, stream.seek(0, SEEK_END) - length)
+            stream.seek(start)
+            text = stream.read().decode(errors="replace")
+    except OSError:
+        return ""
+    return text.partition("\n")[2] if start else text
+
+
 def order_of_contacts(scene: Scene, lagging: bool) -> float:
     """Order of accuracy that contacts leave to a method of second order.
 
@@ -297,6 +310,13 @@ class Engine(ABC):
 
         Returns:
             The phases, or None where there is no checkpoint and the run begins anew.
+        """
+        return None
+
+    def reached(self, settings: Any, directory: Path) -> float | None:
+        """Simulated time that a running launch has reached [s], found in well under a millisecond for its progress.
+
+        None where nothing is known yet, or where only `read` finds it.
         """
         return None
 

@@ -109,6 +109,11 @@ class InTree(Engine):
             counters=counters,
         )
 
+    def reached(self, settings: Any, directory: Path) -> float | None:
+        """See `Engine.reached`."""
+        clock = _rows(directory / CLOCK, CLOCK_COLUMNS)
+        return float(clock[-1, 1]) if len(clock) else None
+
     def checkpoint(self, scene: Scene, settings: Any, directory: Path) -> Checkpoint | None:
         """See `Engine.checkpoint`."""
         found, damaged = checkpoints.latest(directory)

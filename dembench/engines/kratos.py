@@ -64,7 +64,7 @@ from dembench.engines.kratos_deck import write_deck
 from dembench.engines.kratos_walls import refused
 from dembench.engines.round_walls import FEWEST_SIDES, sides_for
 from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
-from dembench.engines.script_runs import DECK, read_series
+from dembench.engines.script_runs import DECK, reached, read_series
 from dembench.scene import Scene, features
 from dembench.scene.base import Positive
 
@@ -178,6 +178,10 @@ class Kratos(Engine):
     def read(self, scene: Scene, settings: KratosSettings, directory: Path) -> Series:
         """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
         return read_series(scene, settings.dt, directory)
+
+    def reached(self, settings: KratosSettings, directory: Path) -> float | None:
+        """See `Engine.reached`."""
+        return reached(settings, directory)
 
     def order(self, scene: Scene, settings: KratosSettings) -> float:
         """See `Engine.order`."""

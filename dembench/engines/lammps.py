@@ -45,6 +45,7 @@ from dembench.engines.base import (
     Probe,
     Series,
     Timing,
+    end_of,
     order_of_contacts,
 )
 from dembench.engines.lammps_deck import deck
@@ -177,6 +178,10 @@ class Lammps(Engine):
             failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
         timing = Timing(loop=loop, source="engine") if ended else Timing()
         return Series(frames, tracks, timing, reached * settings.dt, failure, detail, counters)
+
+    def reached(self, settings: LammpsSettings, directory: Path) -> float | None:
+        """See `Engine.reached`."""
+        return last_step(end_of(directory / LOG)) * settings.dt or None
 
     def order(self, scene: Scene, settings: LammpsSettings) -> float:
         """See `Engine.order`."""

@@ -69,6 +69,7 @@ from dembench.engines.base import (
     Probe,
     Series,
     Timing,
+    end_of,
     order_of_contacts,
 )
 from dembench.engines.liggghts_axes import renamed
@@ -262,6 +263,11 @@ class Liggghts(Engine):
             failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
         timing = Timing(loop=sum(filter(None, loops)), source="engine") if ended else Timing()
         return Series(frames, tracks, timing, reached * settings.dt, failure, detail, counters)
+
+    def reached(self, settings: LiggghtsSettings, directory: Path) -> float | None:
+        """See `Engine.reached`."""
+        launch, _end = launches(directory)[-1]
+        return last_step(end_of(directory / launch.log)) * settings.dt or None
 
     def order(self, scene: Scene, settings: LiggghtsSettings) -> float:
         """See `Engine.order`."""

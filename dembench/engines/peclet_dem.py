@@ -69,7 +69,7 @@ from dembench.engines.peclet_dem_walls import (
     write_grids,
 )
 from dembench.engines.scene_queries import beyond_hertzian_spheres, materials_of, observed_walls, pairs_of
-from dembench.engines.script_runs import DECK, read_series, write_bodies
+from dembench.engines.script_runs import DECK, reached, read_series, write_bodies
 from dembench.scene import HertzMindlin, Rigid, Scene, features
 from dembench.scene.base import Positive
 
@@ -247,6 +247,10 @@ class PecletDem(Engine):
     def read(self, scene: Scene, settings: PecletDemSettings, directory: Path) -> Series:
         """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
         return read_series(scene, settings.dt, directory)
+
+    def reached(self, settings: PecletDemSettings, directory: Path) -> float | None:
+        """See `Engine.reached`."""
+        return reached(settings, directory)
 
     def order(self, scene: Scene, settings: PecletDemSettings) -> float:
         """See `Engine.order`: symplectic Euler, and impulses at the ends of steps."""

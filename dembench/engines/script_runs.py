@@ -14,7 +14,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from dembench.engines.base import FRAMES, Frame, FrameFiles, Series, Timing, Tracks
+from dembench.engines.base import FRAMES, Frame, FrameFiles, Series, Timing, Tracks, end_of
 from dembench.engines.scene_queries import every_of, in_sink, materials_of, observed_walls, steps_of
 from dembench.scene import Region, Scene
 
@@ -125,6 +125,11 @@ def read_tracks(scene: Scene, dt: float, directory: Path) -> tuple[Tracks | None
     if first == len(rows):
         return tracks, ""
     return tracks, f"tracked body {bodies[int(np.argmax(gone[first]))]} is gone by t = {scene.track_times()[first]:g} s"
+
+
+def reached(settings: Any, directory: Path) -> float | None:
+    """See `Engine.reached`."""
+    return last_step(end_of(directory / NOTES)) * settings.dt or None
 
 
 def last_step(notes: str) -> int:

@@ -55,7 +55,7 @@ from dembench.engines.base import (
 from dembench.engines.flat_walls import meshed
 from dembench.engines.round_walls import FEWEST_SIDES, sides_for
 from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
-from dembench.engines.script_runs import DECK, read_series, write_bodies
+from dembench.engines.script_runs import DECK, reached, read_series, write_bodies
 from dembench.engines.yade_deck import deck, write_triangles
 from dembench.engines.yade_walls import built, refused
 from dembench.scene import HertzMindlin, Scene, features
@@ -154,6 +154,10 @@ class Yade(Engine):
     def read(self, scene: Scene, settings: YadeSettings, directory: Path) -> Series:
         """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
         return read_series(scene, settings.dt, directory)
+
+    def reached(self, settings: YadeSettings, directory: Path) -> float | None:
+        """See `Engine.reached`."""
+        return reached(settings, directory)
 
     def order(self, scene: Scene, settings: YadeSettings) -> float:
         """See `Engine.order`."""

@@ -27,6 +27,8 @@ from dembench.runs.tidy import remove_bulk
 CHECKPOINT = 30.0
 """Time between two checkpoints of the result [s]; the first ones come sooner."""
 FIRST_CHECKPOINT = 2.0
+GLANCE_INTERVAL = 1.0
+"""Time between two glances at how far a run is [s]."""
 LOOK_INTERVAL = 2.0
 LOOK_SHARE = 0.02
 """Largest share of the time that may go into looking at a running deck [-]."""
@@ -106,7 +108,7 @@ class Supervisor:
         self._series = Series(frames=(), tracks=None)
         self._usage: dict[str, Usage] = {}
         self._timed: list[str] = []
-        self._next_look = 0.0
+        self._next_look = self._next_glance = 0.0
         self._pause = min(FIRST_CHECKPOINT, checkpoint)
         self._next_checkpoint = time.monotonic() + self._pause
         self._environment: dict[str, Any] = {}
@@ -222,6 +224,9 @@ class Supervisor:
         clock = time.monotonic()
         self._progress.elapsed = clock - self._begin
         self._progress.memory = max(u.peak_memory for u in self._usage.values())
+        if clock >= self._next_glance:
+            self._glance()
+            self._next_glance = clock + GLANCE_INTERVAL
         if clock < self._next_look:
             return None
         self._look()
@@ -232,6 +237,17 @@ class Supervisor:
         cost = time.monotonic() - clock
         self._next_look = time.monotonic() + max(min(LOOK_INTERVAL, self._checkpoint), cost / LOOK_SHARE)
         return "fault" if self._observer.fault is not None else None
+
+    def _glance(self) -> None:
+        """Shows how far the run is, where the engine can tell without reading its output."""
+        try:
+            reached = self._run.engine.reached(self._run.settings, self._run.directory.deck)
+        except Exception:
+            # a display is no reason to lose a run
+            (self._run.directory.log / "progress.err").write_text(traceback.format_exc())
+            reached = None
+        if reached is not None:
+            self._progress.reach(reached, self._run.scene.duration)
 
     def _look(self, final: bool = False) -> None:
         """Reads what the engine has written so far; an output that is not readable yet counts at the end only."""

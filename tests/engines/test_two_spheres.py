@@ -175,3 +175,12 @@ def test_a_sphere_comes_to_rest_on_a_plane(name: str, overrides: dict[str, str],
     else:
         assert measured == pytest.approx(overlap, rel=1e-3)
     assert abs(last.velocity[0, 2]) < (1e-4 if name in SINGLE else 1e-5)  # its position does not move below 6e-5
+
+
+@every_engine
+def test_progress_is_known_without_reading_the_output(name: str, overrides: dict[str, str], tmp_path: Path) -> None:
+    engine, made = available(name), scene(bodies={"position": [[0, 0, 0], [5e-3, 0, 0]]})
+    settings = engine.settings(made, "closed", overrides)
+    assert engine.reached(settings, tmp_path) is None
+    if run(engine, made, tmp_path, **overrides).failure is None and name != "musen":
+        assert engine.reached(settings, tmp_path) == pytest.approx(made.duration, abs=settings.dt / 2)

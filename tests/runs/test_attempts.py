@@ -262,3 +262,16 @@ def test_an_interrupted_command_leaves_a_run_that_goes_on_to_the_same_bits(run_s
         assert series.value.tobytes() == ours.observables[name].value.tobytes(), name
     assert whole.snapshots["flow"].position.tobytes() == ours.snapshots["flow"].position.tobytes()
     assert ours.counters == whole.counters
+
+
+def test_a_fault_of_the_display_is_no_end(standin, planned, monkeypatch):
+    """An engine that cannot say how far it is goes on, and the log tells."""
+
+    def fails(*_of):
+        raise ValueError("no idea how far")
+
+    standin()
+    (run,) = planned("standin")
+    monkeypatch.setattr(type(run.engine), "reached", fails)
+    assert supervise(run).state == "ok"
+    assert "no idea how far" in (run.directory.log / "progress.err").read_text()
