@@ -111,8 +111,9 @@ class InTree(Engine):
 
     def reached(self, settings: Any, directory: Path) -> float | None:
         """See `Engine.reached`."""
-        clock = _rows(directory / CLOCK, CLOCK_COLUMNS)
-        return float(clock[-1, 1]) if len(clock) else None
+        path, row = directory / CLOCK, 8 * CLOCK_COLUMNS
+        rows = path.stat().st_size // row if path.exists() else 0
+        return float(np.fromfile(path, count=CLOCK_COLUMNS, offset=(rows - 1) * row)[1]) if rows else None
 
     def checkpoint(self, scene: Scene, settings: Any, directory: Path) -> Checkpoint | None:
         """See `Engine.checkpoint`."""

@@ -20,8 +20,8 @@ def type_of(scene: Scene, material: str) -> int:
     return 1 + [m.name for m in materials_of(scene)].index(material)
 
 
-CURVATURE = 0.256235
-"""Default of the program's option `curvature` [degrees]."""
+CURVATURE, LEAST_ANGLE = 0.256235, 0.057
+"""Default of the program's option `curvature`, and the angle below which it takes no triangle [degrees]."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,13 @@ class Surface:
         """Angle between neighbouring triangles below which they are one smooth face to the program [degrees].
 
         It is the program's default, or just below the smallest angle of a triangle: the program refuses a mesh with a
-        smaller one, as long sides of polygons have it.
+        smaller one, as long sides of polygons have it, and whatever the option any with less than LEAST_ANGLE.
         """
         sides = np.roll(self.triangles, -1, axis=1) - self.triangles
         ahead, back = sides, -np.roll(sides, 1, axis=1)
         across = np.linalg.norm(np.cross(ahead, back), axis=2)
         angles = np.degrees(np.arctan2(across, (ahead * back).sum(axis=2)))
-        return min(CURVATURE, float(f"{0.9 * angles.min():.3g}"))
+        return min(CURVATURE, max(LEAST_ANGLE, float(f"{0.9 * angles.min():.3g}")))
 
     def move(self) -> str:
         """Arguments of `fix move/mesh`; nothing for a surface at rest."""

@@ -41,7 +41,6 @@ def main(arguments: list[str]) -> None:
         _become(command, guard)
     signal.signal(signal.SIGTERM, lambda *_: _end(engine, report))
     code = _wait_for(engine)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     _kill_descendants(signal.SIGKILL)
     _reap()
     _report_memory(report)
@@ -64,9 +63,15 @@ def _become(command: list[str], guard: int) -> None:
 
 
 def _wait_for(engine: int) -> int:
-    """Exit code of the engine, negative for a signal; orphans of it are collected on the way."""
+    """Exit code of the engine, negative for a signal; orphans of it are collected on the way.
+
+    Once it has ended, the guard is not to be stopped any more: that would hide how it ended.
+    """
     while True:
-        pid, status = os.wait()
+        ended = os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOWAIT)
+        if ended is not None and ended.si_pid == engine:
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        pid, status = os.waitpid(ended.si_pid if ended is not None else -1, 0)
         if pid == engine:
             return os.waitstatus_to_exitcode(status)
 

@@ -52,9 +52,10 @@ def failure_of(
         log_tail: Last lines of its logs.
     """
     complete = series.failure is None and not len(missing) and not short
-    if ended is not None and ended.stopped == "interrupted" and not (ended.exit_code == 0 and complete):
+    cut_off = ended is not None and not (ended.exit_code == 0 and complete)
+    if ended is not None and ended.stopped == "interrupted" and cut_off:
         return Failure("interrupted", "", f"stopped by the user at t = {series.time:.6g} s")
-    if ended is not None and ended.stopped == "timeout":
+    if ended is not None and ended.stopped == "timeout" and cut_off:
         return Failure("timeout", "", f"not done within {timeout:g} s; t = {series.time:.6g} s was reached")
     if fault is not None and fault.reason == "nan":
         return Failure("failed", fault.reason, fault.detail)

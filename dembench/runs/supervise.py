@@ -242,9 +242,9 @@ class Supervisor:
         """Shows how far the run is, where the engine can tell without reading its output."""
         try:
             reached = self._run.engine.reached(self._run.settings, self._run.directory.deck)
-        except Exception:
+        except Exception as error:
             # a display is no reason to lose a run
-            (self._run.directory.log / "progress.err").write_text(traceback.format_exc())
+            self._set(note=f"its progress is not known between looks: {type(error).__name__}: {error}")
             reached = None
         if reached is not None:
             self._progress.reach(reached, self._run.scene.duration)

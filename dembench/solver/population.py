@@ -130,8 +130,9 @@ def renumber(state: State, source: np.ndarray, small: int) -> None:
 def _move(old: np.ndarray, new: np.ndarray, source: np.ndarray) -> None:
     """Makes row k of `new` that which was source[k] of `old`, 0 where that is -1."""
     for block in blocks(len(source)):
-        rows = old[np.maximum(source[block], 0)]
-        rows[source[block] < 0] = 0
+        of = source[block]
+        rows = np.zeros((len(of), *old.shape[1:]), dtype=old.dtype)
+        rows[of >= 0] = old[of[of >= 0]]
         new[block] = rows
 
 

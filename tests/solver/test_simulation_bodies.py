@@ -206,6 +206,19 @@ def test_the_motion_of_single_bodies_is_that_in_the_arrays(method: str) -> None:
         simulation.motion([3, 7])
 
 
+@each_method
+def test_a_state_that_was_emptied_can_be_filled_again(method: str) -> None:
+    simulation = Simulation(cloud(), **METHODS[method])
+    simulation.step(3)
+    simulation.remove(simulation.ids)
+    assert len(simulation.ids) == 0
+    simulation.step(3)
+    simulation.insert([[0, 0, 0], [5 * RADIUS, 0, 0]], velocity=[[0, 0, 1], [0, 1, 0]])
+    simulation.step(3)
+    assert simulation.ids.tolist() == [61, 62]
+    assert simulation.velocity == pytest.approx(np.array([[0, 0, 1], [0, 1, 0]]), abs=1e-12)
+
+
 def test_the_table_is_that_of_the_arrays_in_blocks_and_no_copy_of_all() -> None:
     """Also where bodies have left, and with the order of the sorted arrays another one than that of the ids."""
     n = 20_000

@@ -17,8 +17,7 @@ from dembench.solver.types import types
 
 # Rows without room in blocks, and those from `pairs` on, stand from `behind` on. Lanes without a row: `nil`.
 _ORDER = (
-    FORGET
-    + PUT
+    PUT
     + """
 int *order = rows.order.data + at, *others = rows.order.data + behind, rest = 0, room = (behind - at) / W;
 for (int r = first; r < pairs; ++r)
@@ -116,21 +115,22 @@ return out;
 def lane_functions(o: ImpulseOptions) -> Any:
     """Warp functions by blocks.
 
-    order(rows, share, segment, begin, end): puts the rows of pairs of a segment, which are between the bodies
-    begin..end, into blocks; those that find no place there, and the other rows, stand from `outside(rows, segment)` on
-    in `order`. velocities(rows, first, blocks, still, reverse): see `sweep_functions`; the blocks begin at `first`.
-    positions(rows, first, blocks, slop, dt, reverse): see `position_functions`; returns the largest overlap.
+    order(rows, share, segment): puts the rows of pairs of a segment into blocks; those that find no place there, and
+    the other rows, stand from `outside(rows, segment)` on in `order`. The bridge follows when all threads have done so
+    with their segments. velocities(rows, first, blocks, still, reverse): see `sweep_functions`; the blocks begin at
+    `first`. positions(rows, first, blocks, slop, dt, reverse): see `position_function`; returns the largest overlap.
     """
     t = types(o.precision)
     real, Rows = t.real, row_types(o.precision)
-    declared = prelude(o.precision, friction=o.friction)
+    declared, threads = prelude(o.precision, friction=o.friction), o.threads
+
+    @wp.func_native(FORGET)
+    def forget(rows: Rows, begin: int, end: int): ...
 
     @wp.func_native(_ORDER)
     def put(
         rows: Rows,
         share: Share,
-        begin: int,
-        end: int,
         first: int,
         pairs: int,
         last: int,
@@ -157,12 +157,12 @@ def lane_functions(o: ImpulseOptions) -> Any:
         return rows.places[2 * segment + 1] + 0
 
     @wp.func
-    def order(rows: Rows, share: Share, segment: int, begin: int, end: int):
+    def order(rows: Rows, share: Share, segment: int):
+        if segment < share.parts:
+            forget(rows, share.begin, share.end)
         put(
             rows,
             share,
-            begin,
-            end,
             rows.base[segment],
             flag(share, segment, OTHER),
             flag(share, segment, END),
@@ -171,6 +171,10 @@ def lane_functions(o: ImpulseOptions) -> Any:
             rows.i.shape[0] - 1 - segment % share.parts,
             wp.static(FLAGS) + wp.static(PER_SEGMENT) * segment + BLOCKS,
         )
+        if wp.static(threads):
+            if segment < share.parts:
+                # for the rows of the bridge
+                forget(rows, share.begin, share.end)
 
     return SimpleNamespace(
         order=order, velocities=velocities, positions=positions, blocks_at=blocks_at, outside=outside

@@ -247,7 +247,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                     )
                 set_flag(share, part, OTHER, other)
                 set_flag(share, part, END, last)
-                order(rows, share, part, share.begin, share.end)
+                order(rows, share, part)
                 if wp.static(bridged):
                     wait(share)
                     if part == 0:
@@ -287,7 +287,7 @@ def impulse_kernel(o: ImpulseOptions) -> Any:
                             )
                         set_flag(share, parts, OTHER, other)
                         set_flag(share, parts, END, last)
-                        order(rows, share, parts, 0, total)
+                        order(rows, share, parts)
                     wait(share)
                 hits, blow = collide(b, rows, share, limits, step)
                 warm_start(rows, share)

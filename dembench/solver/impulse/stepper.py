@@ -213,6 +213,7 @@ class Impulses:
         rows.places.assign(np.append(0, np.cumsum(places))[:-1])
         rows.fixed.assign(s.total + np.append(0, np.cumsum(at_walls))[:-1])
         # rows of the old order must not be taken for those of the new one
+        self._flags.numpy()[4] = 0
         segments = self._flags.numpy()[FLAGS:].reshape(-1, PER_SEGMENT)
         segments[:] = 0
         segments[:, [OTHER, END]] = self._base[:, None]
@@ -224,7 +225,7 @@ class Impulses:
         enough = rows.i is not None and len(rows.i) >= contacts + parts and len(rows.u) >= s.total + walls + parts
         if enough and len(rows.order) >= places and len(rows.x) >= s.total:
             return
-        n, fixed = int(1.05 * contacts) + 64, int(1.2 * walls) + 64
+        n, fixed = int(1.05 * contacts) + 64 + parts, int(1.2 * walls) + 64 + parts
         sizes = dict.fromkeys(("i", "j", "slot", "a", "b", "push", "apart"), n)
         sizes |= dict.fromkeys(("x", "mask", "stamp"), bodies) | dict.fromkeys(("u", "hit", "shift"), bodies + fixed)
         sizes |= {"order": int(1.05 * places), "blow": n if self._options.walls.loads else 1}

@@ -93,7 +93,9 @@ class Advice:
 
 
 def advise(scene: Scene, name: str, directory: Path, engines: Sequence[str], makes: str) -> Advice:
-    """Advice for a scene, from the sweeps in a directory and those that ship; of equally near ones from the former.
+    """Advice for a scene, from the sweeps in a directory and those that ship.
+
+    Of equally near sweeps one of the time step comes first, then one in the directory.
 
     Args:
         scene: The scene.
