@@ -266,12 +266,19 @@ def test_an_interrupted_command_leaves_a_run_that_goes_on_to_the_same_bits(run_s
 
 def test_a_fault_of_the_display_is_no_end(standin, planned, monkeypatch):
     """An engine that cannot say how far it is goes on, and its status tells."""
+    asked, stop, statuses = threading.Event(), threading.Event(), []
 
     def fails(*_of):
+        asked.set()
         raise ValueError("no idea how far")
 
-    standin()
+    standin(standin=["linger", 11])
     (run,) = planned("standin")
     monkeypatch.setattr(type(run.engine), "reached", fails)
-    status = supervise(run)
-    assert status.state == "ok" and status.note.endswith("ValueError: no idea how far")
+    thread = threading.Thread(target=lambda: statuses.append(supervise(run, stop)))
+    thread.start()
+    assert asked.wait(30)
+    wait_for(lambda: len(pids(run)) == 2)
+    stop.set()
+    thread.join(30)
+    assert statuses[0].state == "ok" and statuses[0].note.endswith("ValueError: no idea how far")
