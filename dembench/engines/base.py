@@ -219,15 +219,13 @@ class Checkpoint(Model):
 
 
 def end_of(path: Path, length: int = 4096) -> str:
-    """The last bytes of a text file, whole lines; empty where there is none."""
+    """The last bytes of a text file, of its first line perhaps a part; empty where there is none."""
     try:
         with open(path, "rb") as stream:
-            start = max(0, stream.seek(0, SEEK_END) - length)
-            stream.seek(start)
-            text = stream.read().decode(errors="replace")
+            stream.seek(max(0, stream.seek(0, SEEK_END) - length))
+            return stream.read().decode(errors="replace")
     except OSError:
         return ""
-    return text.partition("\n")[2] if start else text
 
 
 def order_of_contacts(scene: Scene, lagging: bool) -> float:

@@ -52,11 +52,9 @@ from pydantic import Field
 from dembench.engines.base import (
     FRAMES,
     Division,
-    Engine,
     EngineSettings,
     Phase,
     Probe,
-    Series,
     order_of_contacts,
 )
 from dembench.engines.flat_walls import meshed
@@ -64,7 +62,7 @@ from dembench.engines.kratos_deck import write_deck
 from dembench.engines.kratos_walls import refused
 from dembench.engines.round_walls import FEWEST_SIDES, sides_for
 from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
-from dembench.engines.script_runs import DECK, reached, read_series
+from dembench.engines.script_runs import DECK, ScriptEngine
 from dembench.scene import Scene, features
 from dembench.scene.base import Positive
 
@@ -104,7 +102,7 @@ class KratosSettings(EngineSettings):
         return self.threads
 
 
-class Kratos(Engine):
+class Kratos(ScriptEngine):
     """Kratos DEM."""
 
     name: ClassVar[str] = "kratos"
@@ -173,15 +171,7 @@ class Kratos(Engine):
         command = (shutil.which(wanted) or wanted, DECK)
         return [Phase(name="simulate", command=command, environment={"OMP_NUM_THREADS": str(settings.threads)})]
 
-    # ---- reading
-
-    def read(self, scene: Scene, settings: KratosSettings, directory: Path) -> Series:
-        """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
-        return read_series(scene, settings.dt, directory)
-
-    def reached(self, settings: KratosSettings, directory: Path) -> float | None:
-        """See `Engine.reached`."""
-        return reached(settings, directory)
+    # ---- what it computes
 
     def order(self, scene: Scene, settings: KratosSettings) -> float:
         """See `Engine.order`."""

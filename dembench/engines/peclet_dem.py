@@ -52,11 +52,9 @@ from pydantic import Field
 from dembench.engines.base import (
     FRAMES,
     Division,
-    Engine,
     EngineSettings,
     Phase,
     Probe,
-    Series,
     SettingsError,
 )
 from dembench.engines.peclet_dem_deck import deck, tangential_restitutions
@@ -69,7 +67,7 @@ from dembench.engines.peclet_dem_walls import (
     write_grids,
 )
 from dembench.engines.scene_queries import beyond_hertzian_spheres, materials_of, observed_walls, pairs_of
-from dembench.engines.script_runs import DECK, reached, read_series, write_bodies
+from dembench.engines.script_runs import DECK, ScriptEngine, write_bodies
 from dembench.scene import HertzMindlin, Rigid, Scene, features
 from dembench.scene.base import Positive
 
@@ -125,7 +123,7 @@ class PecletDemSettings(EngineSettings):
         return "float32"
 
 
-class PecletDem(Engine):
+class PecletDem(ScriptEngine):
     """The package peclet-dem."""
 
     name: ClassVar[str] = "peclet-dem"
@@ -242,15 +240,7 @@ class PecletDem(Engine):
         (directory / DECK).write_text(deck(scene, settings, walls, shown))
         return [Phase(name="simulate", command=(program, DECK), environment=environment)]
 
-    # ---- reading
-
-    def read(self, scene: Scene, settings: PecletDemSettings, directory: Path) -> Series:
-        """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
-        return read_series(scene, settings.dt, directory)
-
-    def reached(self, settings: PecletDemSettings, directory: Path) -> float | None:
-        """See `Engine.reached`."""
-        return reached(settings, directory)
+    # ---- what it computes
 
     def order(self, scene: Scene, settings: PecletDemSettings) -> float:
         """See `Engine.order`: symplectic Euler, and impulses at the ends of steps."""

@@ -14,12 +14,33 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from dembench.engines.base import FRAMES, Frame, FrameFiles, Series, Timing, Tracks, end_of
+from dembench.engines.base import FRAMES, Engine, Frame, FrameFiles, Series, Timing, Tracks, end_of
 from dembench.engines.scene_queries import every_of, in_sink, materials_of, observed_walls, steps_of
 from dembench.scene import Region, Scene
 
 DECK, TRACKS, NOTES = "simulate.py", "tracks.bin", "progress.txt"
 IDS_PER_LINE = 1000
+
+
+class ScriptEngine(Engine):
+    """An engine whose deck is a script that writes frames, tracks and notes by itself."""
+
+    def read(self, scene: Scene, settings: Any, directory: Path) -> Series:
+        """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
+        frames = read_frames(scene, settings.dt, directory)
+        tracks, gone = read_tracks(scene, settings.dt, directory)
+        path = directory / NOTES
+        notes = path.read_text(errors="replace") if path.exists() else ""
+        failure, detail = ("lost particles", gone) if gone else failure_in(notes)
+        timing = timing_in(notes)
+        if failure is None and timing and len(frames) < len(scene.frame_times()):
+            failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
+        time = last_step(notes) * settings.dt
+        return Series(frames, tracks, timing or Timing(), time, failure, detail, counters_in(notes))
+
+    def reached(self, settings: Any, directory: Path) -> float | None:
+        """See `Engine.reached`."""
+        return last_step(end_of(directory / NOTES)) * settings.dt or None
 
 
 def write_bodies(scene: Scene, path: Path) -> None:
@@ -74,19 +95,6 @@ def rendered(template: str, values: dict[str, Any], **more: Any) -> str:
     return made.render(values, **more)
 
 
-def read_series(scene: Scene, dt: float, directory: Path) -> Series:
-    """What a script has written so far: complete frames and tracks, its own timing, its errors."""
-    frames = read_frames(scene, dt, directory)
-    tracks, gone = read_tracks(scene, dt, directory)
-    path = directory / NOTES
-    notes = path.read_text(errors="replace") if path.exists() else ""
-    failure, detail = ("lost particles", gone) if gone else failure_in(notes)
-    timing = timing_in(notes)
-    if failure is None and timing and len(frames) < len(scene.frame_times()):
-        failure, detail = "no output", f"{len(frames)} of {len(scene.frame_times())} frames were written"
-    return Series(frames, tracks, timing or Timing(), last_step(notes) * dt, failure, detail, counters_in(notes))
-
-
 def read_frames(scene: Scene, dt: float, directory: Path) -> FrameFiles:
     """The frames of a scene that are completely written so far: files get their names when they are complete."""
     known = []
@@ -125,11 +133,6 @@ def read_tracks(scene: Scene, dt: float, directory: Path) -> tuple[Tracks | None
     if first == len(rows):
         return tracks, ""
     return tracks, f"tracked body {bodies[int(np.argmax(gone[first]))]} is gone by t = {scene.track_times()[first]:g} s"
-
-
-def reached(settings: Any, directory: Path) -> float | None:
-    """See `Engine.reached`."""
-    return last_step(end_of(directory / NOTES)) * settings.dt or None
 
 
 def last_step(notes: str) -> int:

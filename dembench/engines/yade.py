@@ -45,17 +45,15 @@ from pydantic import Field
 from dembench.engines.base import (
     FRAMES,
     Division,
-    Engine,
     EngineSettings,
     Phase,
     Probe,
-    Series,
     order_of_contacts,
 )
 from dembench.engines.flat_walls import meshed
 from dembench.engines.round_walls import FEWEST_SIDES, sides_for
 from dembench.engines.scene_queries import beyond_hertzian_spheres, clipped
-from dembench.engines.script_runs import DECK, reached, read_series, write_bodies
+from dembench.engines.script_runs import DECK, ScriptEngine, write_bodies
 from dembench.engines.yade_deck import deck, write_triangles
 from dembench.engines.yade_walls import built, refused
 from dembench.scene import HertzMindlin, Scene, features
@@ -86,7 +84,7 @@ class YadeSettings(EngineSettings):
         return self.threads
 
 
-class Yade(Engine):
+class Yade(ScriptEngine):
     """Yade."""
 
     name: ClassVar[str] = "yade"
@@ -149,15 +147,7 @@ class Yade(Engine):
         (directory / DECK).write_text(deck(scene, settings, shown))
         return [Phase(name="simulate", command=tuple(command))]
 
-    # ---- reading
-
-    def read(self, scene: Scene, settings: YadeSettings, directory: Path) -> Series:
-        """See `Engine.read`: complete frames and tracks so far, the script's own timing, its errors."""
-        return read_series(scene, settings.dt, directory)
-
-    def reached(self, settings: YadeSettings, directory: Path) -> float | None:
-        """See `Engine.reached`."""
-        return reached(settings, directory)
+    # ---- what it computes
 
     def order(self, scene: Scene, settings: YadeSettings) -> float:
         """See `Engine.order`."""

@@ -19,6 +19,7 @@ import psutil
 from pydantic import ValidationError
 
 from dembench.atomic import write_json
+from dembench.engines.base import end_of
 from dembench.results import Result, ResultError, read
 from dembench.runs.spec import RunSpec
 from dembench.runs.states import RESUMED, Status
@@ -141,10 +142,7 @@ class RunDirectory:
         files = sorted((p for p in self.log.glob("*.*") if p.stat().st_size), key=lambda p: p.stat().st_mtime)
         parts = []
         for path in files:
-            with open(path, "rb") as stream:
-                stream.seek(max(0, path.stat().st_size - _TAIL_BYTES))
-                lines = stream.read().decode(errors="replace").splitlines()
-            parts += [f"--- {path.name}", *lines[-TAIL_LINES:]]
+            parts += [f"--- {path.name}", *end_of(path, _TAIL_BYTES).splitlines()[-TAIL_LINES:]]
         return "\n".join(parts)
 
     @contextmanager
