@@ -23,6 +23,7 @@ from dembench.solver.periodic import wrapped
 from dembench.solver.shapes.stepper import ImpulseShapes, SoftShapes
 from dembench.solver.soft import SoftSpheres
 from dembench.solver.units import Units
+from dembench.solver.workspace import BLOCK, blocks
 
 Stepper = SoftSpheres | FullSpheres | Impulses | CompliantImpulses | FullImpulses | SoftShapes | ImpulseShapes
 
@@ -63,7 +64,7 @@ class Access:
         """
         return self.state.ids()
 
-    def table(self, block: int = 1 << 12) -> Iterator[np.ndarray]:
+    def table(self, block: int = BLOCK) -> Iterator[np.ndarray]:
         """The bodies by ascending id, in tables of at most `block` of them; never are all of them copied at once.
 
         Yields:
@@ -71,8 +72,8 @@ class Access:
         """
         ids, places = self.state.identity.numpy(), self.state.places()
         kin, spin = (getattr(self.state.bodies, name).numpy() for name in ("kin", "spin"))
-        for first in range(0, len(places), block):
-            at = places[first : first + block]
+        for part in blocks(len(places), block):
+            at = places[part]
             rows = np.zeros((len(at), 10))
             rows[:, 0] = ids[at]
             rows[:, 1:4] = wrapped(self.scene, kin[at, :3] * self.units.length)

@@ -122,13 +122,18 @@ def renumber(state: State, source: np.ndarray, small: int) -> None:
     state.divide()
     if remembers:
         state.lists.big_memory.numpy()[: moved.size // 4] = moved.reshape(-1, 4)
-    for old, new in (*((old, getattr(state.bodies, name)) for name, old in held.items()), (identity, state.identity)):
-        # rows that come from behind may take their new places one after the other, others not
-        _move(old.copy() if backwards else old, new.numpy(), source)
+    for name, old in held.items():
+        _move(old, getattr(state.bodies, name).numpy(), source, backwards)
+    _move(identity, state.identity.numpy(), source, backwards)
 
 
-def _move(old: np.ndarray, new: np.ndarray, source: np.ndarray) -> None:
-    """Makes row k of `new` that which was source[k] of `old`, 0 where that is -1."""
+def _move(old: np.ndarray, new: np.ndarray, source: np.ndarray, backwards: bool) -> None:
+    """Makes row k of `new` that which was source[k] of `old`, 0 where that is -1; both may be the same array.
+
+    `backwards`: some row comes from before its new place, where it would be written over before it is read.
+    """
+    if backwards:
+        old = old.copy()
     for block in blocks(len(source)):
         of = source[block]
         rows = np.zeros((len(of), *old.shape[1:]), dtype=old.dtype)

@@ -15,10 +15,10 @@ BLOCK = 1 << 12
 """Rows that are treated at a time where all at once would need memory for copies of them."""
 
 
-def blocks(n: int) -> Iterator[slice]:
-    """Cuts n rows into blocks, ascending."""
-    for first in range(0, n, BLOCK):
-        yield slice(first, min(first + BLOCK, n))
+def blocks(n: int, size: int = BLOCK) -> Iterator[slice]:
+    """Cuts n rows into blocks of at most `size`, ascending."""
+    for first in range(0, n, size):
+        yield slice(first, min(first + size, n))
 
 
 class Workspace:
