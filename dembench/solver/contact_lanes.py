@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.contacts import StepOptions
-from dembench.solver.lanes import prelude
+from dembench.solver.lanes import compiled_apart, prelude
 from dembench.solver.laws import ROLLING_SHARE
 from dembench.solver.pairs import LINEAR_RADII, ONE, RADII, TABLE
 from dembench.solver.types import types
@@ -141,7 +141,7 @@ _FORCE = """
 
 _PAIRS = (
     """
-if (count == 0) return 0;
+if (count == 0) return real(0);
 F zero = full(0), one = full(1), deepest = zero;
 const double* kin = (const double*)bodies.kin.data;
 const real* spin = (const real*)bodies.spin.data;
@@ -208,7 +208,7 @@ def near_pairs_function(o: StepOptions) -> Any:
         rolling_share=float(ROLLING_SHARE),
     )
 
-    @wp.func_native(constants + _PAIRS)
+    @wp.func_native(compiled_apart(constants + _PAIRS))
     def near_pairs(
         bodies: Bodies,
         lists: Lists,

@@ -6,7 +6,7 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.contacts import StepOptions
-from dembench.solver.lanes import prelude
+from dembench.solver.lanes import compiled_apart, prelude
 from dembench.solver.types import types
 
 _MOVE = """
@@ -65,7 +65,7 @@ def move_function(o: StepOptions) -> Any:
     """
     Bodies = types(o.law.precision).Bodies
 
-    @wp.func_native(prelude(o.law.precision, width=8 if o.rotation else 4) + _MOVE)
+    @wp.func_native(compiled_apart(prelude(o.law.precision, width=8 if o.rotation else 4) + _MOVE))
     def move(
         bodies: Bodies, first: int, last: int, times: int, half: wp.float64, dt: wp.float64, gravity: wp.vec3d
     ) -> wp.vec2d: ...

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.lanes import prelude
+from dembench.solver.lanes import compiled_apart, prelude
 from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
@@ -350,7 +350,7 @@ def near_functions(precision: str, periodic: bool, radii: bool, history: bool) -
     nearest = image.nearest
     radius = radius_function(precision, radii)
 
-    @wp.func_native(prelude(precision, periodic=periodic, radii=radii, history=history) + _PICK_NEAR)
+    @wp.func_native(compiled_apart(prelude(precision, periodic=periodic, radii=radii, history=history) + _PICK_NEAR))
     def pick_near(bodies: Bodies, lists: Lists, base: int, count: int, skin: wp.float64, forget: int) -> int: ...
 
     @wp.func
