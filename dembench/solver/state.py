@@ -60,10 +60,10 @@ class State(BodyArrays):
 
     def _new_pairs(self, lists: Any) -> None:
         pairs = int(self.base.numpy()[-1])
-        # the old ones go first: there is never room for both
+        # the old ones go first: there is never room for both; memory that is not written takes none
         lists.i = lists.j = lists.near = lists.memory = None
-        lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
-        lists.memory = self.contact_memory(pairs)
+        lists.i, lists.j, lists.near = (wp.empty(pairs, dtype=wp.int32, device="cpu") for _ in range(3))
+        lists.memory = wp.empty(pairs * self.needs.history, dtype=self.types.vec4, device="cpu")
 
     def _new_walls(self, lists: Any) -> None:
         candidates = self.parts * self.wall_capacity

@@ -39,7 +39,7 @@ class Workspace:
             begins.append(begins[-1] + -(-size // ALIGNED) * ALIGNED)
         if not self._held or len(self._held[0]) < begins[-1] + ALIGNED:
             self._held.clear()
-            self._held.append(wp.zeros(begins[-1] + ALIGNED, dtype=wp.uint8, device="cpu"))
+            self._held.append(wp.empty(begins[-1] + ALIGNED, dtype=wp.uint8, device="cpu"))
         base = -(-self._held[0].ptr // ALIGNED) * ALIGNED
         return [
             wp.array(ptr=base + begin, dtype=dtype, shape=n, device="cpu")
