@@ -97,7 +97,7 @@ def loop_kernels(o: CompliantOptions) -> Any:
             for q in range(lists.count[i]):
                 j = lists.partner[q * n + i] & (MARK - 1)
                 c = of_pair(b, i, j, pair_table, pair_columns)
-                need = of_two(b, i, j, c, pair_table, pair_columns, ahead, everywhere)
+                need = of_two(b, i, j, c, ahead, everywhere)
                 if j < n:
                     shared = joined(shared, need)
                 else:
@@ -106,7 +106,7 @@ def loop_kernels(o: CompliantOptions) -> Any:
             for j in range(n, total):
                 if j != i:
                     c = of_pair(b, i, j, pair_table, pair_columns)
-                    shared = joined(shared, of_two(b, i, j, c, pair_table, pair_columns, ahead, everywhere))
+                    shared = joined(shared, of_two(b, i, j, c, ahead, everywhere))
         if wp.static(present):
             for q in range(lists.wall_count[i]):
                 f = lists.wall[q * total + i] & (MARK - 1)

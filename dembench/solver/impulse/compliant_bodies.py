@@ -44,14 +44,16 @@ def body_functions(o: CompliantOptions) -> Any:
         m, g = b.inv_m[i], z
         if wp.static(rotation):
             g = b.inv_i[i]
-        u = vec8(z, z, z, m, z, z, z, g)
-        if m > z:
-            u = vec8(fall[0], fall[1], fall[2], m, z, z, z, g)
+        # choices between numbers: those between vectors go through memory, which takes longer than all the rest
+        falls = wp.where(m > z, real(1.0), z)
+        px, py, pz = falls * fall[0], falls * fall[1], falls * fall[2]
+        qx, qy, qz = real(0.0), real(0.0), real(0.0)
         if driven == 1:
             f = get_load(b, i)
             p, turn = h * m, h * g
-            u = u + vec8(p * f[0], p * f[1], p * f[2], z, turn * f[4], turn * f[5], turn * f[6], z)
-        set_change(rows, i, u)
+            px, py, pz = px + p * f[0], py + p * f[1], pz + p * f[2]
+            qx, qy, qz = turn * f[4], turn * f[5], turn * f[6]
+        set_change(rows, i, vec8(px, py, pz, m, qx, qy, qz, g))
 
     @wp.func
     def drift(b: Bodies, i: int, half: wp.float64):

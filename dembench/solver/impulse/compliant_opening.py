@@ -113,9 +113,10 @@ for (int block = first; block < end; ++block) {
         share = mean > 0 ? share : zero;
         p0 += share * l0; p1 += share * l1; p2 += share * l2;
         to(b, x0); to(b + W, x1); to(b + 2 * W, x2); to(b + 3 * W, aj); to(a + 7 * W, ai);
-        for (int k = 0; k < W; ++k)
-            if (!open[k] && slot[k] >= 0 && met[k] != 0)
-                for (int f = 0; f < 4; ++f) memory[4 * slot[k] + f] = 0;
+        auto parted = (used > 0) & (met != 0) & ~open;
+        if (__builtin_reduce_or(parted))
+            for (int k = 0; k < W; ++k)
+                if (parted[k]) __builtin_memset(memory + 4 * slot[k], 0, 4 * sizeof(real));
     }
     p0 = open ? p0 : zero; p1 = open ? p1 : zero; p2 = open ? p2 : zero;
     to(a, n0); to(a + W, n1); to(a + 2 * W, n2); to(a + 3 * W, open ? mean : full(-far));

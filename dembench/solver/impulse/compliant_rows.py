@@ -111,9 +111,6 @@ def compliant_access(precision: str, rotation: bool) -> Any:
     @wp.func_native("return b.spin.data[i];")
     def spin(b: Bodies, i: int) -> vec4: ...
 
-    @wp.func_native("return values.data[k];")
-    def entry(values: wp.array(dtype=wp.int32), k: int) -> int: ...
-
     @wp.func_native("return rows.u.data[i];")
     def change_of(rows: Rows, i: int) -> vec8: ...
 
@@ -123,7 +120,6 @@ def compliant_access(precision: str, rotation: bool) -> Any:
     return SimpleNamespace(
         kin=kin,
         spin=spin,
-        entry=entry,
         change_of=change_of,
         set_change=set_change,
     )

@@ -24,7 +24,8 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.impulse.compliant_rows import PER_THREAD, TRAVEL, CompliantOptions, compliant_access
-from dembench.solver.pairs import pair_lookup, radius_function
+from dembench.solver.lanes import compiled_apart, prelude
+from dembench.solver.pairs import LINEAR_RADII, ONE, RADII, pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.sync import barrier
 from dembench.solver.types import types
@@ -37,6 +38,77 @@ USUAL = 0.8
 """Largest substep times the root mean square of the frequencies of contacts."""
 CROWDED = 8.0
 """Mean number of contacts of a body up to which that number does not matter; in piles it is 4 to 7."""
+
+# What `of_two` and `measure` say, of many pairs at a time; all pairs of small bodies have the constants of the first
+# where they are shared.
+_REGION = """
+wp::vec_t<3, double> out;
+if (count == 0) return out;
+const double* kin = (const double*)bodies.kin.data;
+D zero = {}, one = zero + 1, lane, worst = zero, squares = zero, touching = zero;
+for (int k = 0; k < W; ++k) lane[k] = k;
+auto constant = [&](int i, int j) {
+    return table.data[one_kind ? 0 : bodies.kind.data[i] * columns + bodies.kind.data[j]].kn;
+};
+auto slot_of = [&](int q) { return near ? lists.near.data[q] : q; };
+const int end = base + count;
+F stiffness = full(constant(lists.i.data[slot_of(base)], lists.j.data[slot_of(base)]));
+for (int begin = base; begin < end; begin += W) {
+    int i[W], j[W];
+    for (int k = 0; k < W; ++k) {
+        int slot = slot_of(begin + k < end ? begin + k : end - 1);
+        i[k] = lists.i.data[slot];
+        j[k] = lists.j.data[slot];
+    }
+    D ki[8], kj[8];
+    doubles8(kin, i, ki);
+    doubles8(kin, j, kj);
+    D d0 = ki[0] - kj[0], d1 = ki[1] - kj[1], d2 = ki[2] - kj[2];
+    if constexpr (periodic) {
+        d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
+        d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
+        d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
+    }
+    D ri = zero + bodies.radius, rj = ri;
+    if constexpr (radii) { ri = ki[6]; rj = kj[6]; }
+    D sum = ri + rj, square = d0 * d0 + d1 * d1 + d2 * d2, distance = root(square), overlap = sum - distance;
+    D along = d0 * (ki[3] - kj[3]) + d1 * (ki[4] - kj[4]) + d2 * (ki[5] - kj[5]);
+    D closing = -along / larger(distance, zero + 1.0e-30);
+    auto meet = (lane < end - begin) & (square < (sum + within) * (sum + within));
+    meet &= overlap + larger(closing, zero) * time > 0;
+    if (!__builtin_reduce_or(meet)) continue;
+    F inverse;
+    for (int k = 0; k < W; ++k) inverse[k] = bodies.inv_m.data[i[k]] + bodies.inv_m.data[j[k]];
+    if constexpr (!shared) {
+        for (int k = 0; k < W; ++k) stiffness[k] = constant(i[k], j[k]);
+        if constexpr (by_radii && !linear) {
+            F a = __builtin_convertvector(ri, F), b = __builtin_convertvector(rj, F);
+            stiffness *= root(a * b / (a + b));
+        }
+    }
+    D kn = __builtin_convertvector(stiffness, D), w = __builtin_convertvector(inverse, D), stiff = kn * w;
+    meet &= stiff > 0;
+    D power = one, tangent = one;
+    if constexpr (!linear) {
+        D deep = larger(overlap, zero);
+        stiff *= 1.5;
+        tangent = root(deep);
+        power = deep * deep * tangent + 1.25 * closing * closing / (meet ? w * kn : one);
+    }
+    D fourth = stiff * stiff;
+    fourth *= fourth;
+    worst = larger(worst, meet ? fourth * stiff * power : zero);
+    auto touch = meet & (overlap > 0);
+    squares += touch ? stiff * tangent : zero;
+    touching += touch ? one : zero;
+}
+for (int k = 0; k < W; ++k) {
+    out.c[0] = worst[k] > out.c[0] ? worst[k] : out.c[0];
+    out.c[1] += squares[k];
+    out.c[2] += touching[k];
+}
+return out;
+"""
 
 
 @cache
@@ -51,14 +123,22 @@ def stiffness_functions(o: CompliantOptions) -> Any:
     """
     t = types(o.law.precision)
     real, Bodies, PairClass, Lists = t.real, t.Bodies, t.PairClass, t.Lists
-    native = compliant_access(o.law.precision, o.rotation)
-    kin, entry = native.kin, native.entry
+    kin = compliant_access(o.law.precision, o.rotation).kin
     of_pair, of_wall = pair_lookup(o.law.precision, o.pairs, o.radii)
     separation = image_functions(o.law.precision, o.periodic).separation
     of_feature = wall_functions(o.walls)
     distance_of, velocity_of = of_feature.distance, of_feature.velocity
     radius = radius_function(o.law.precision, o.radii)
-    shared, linear, threads = o.shared, o.law.linear, o.threads
+    linear, threads = o.law.linear, o.threads
+    declared = prelude(
+        o.law.precision,
+        shared=o.shared,
+        one_kind=o.pairs == ONE,
+        by_radii=o.pairs in (RADII, LINEAR_RADII),
+        periodic=o.periodic,
+        radii=o.radii,
+        linear=linear,
+    )
 
     @wp.func
     def measure(c: PairClass, inverse: real, overlap: wp.float64, closing: wp.float64):
@@ -88,8 +168,6 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         i: int,
         j: int,
         c: PairClass,
-        table: wp.array(dtype=PairClass),
-        columns: int,
         time: wp.float64,
         reach: wp.float64,
     ):
@@ -103,33 +181,21 @@ def stiffness_functions(o: CompliantOptions) -> Any:
             closing = -(d[0] * d[3] + d[1] * d[4] + d[2] * d[5]) / wp.max(r, wp.float64(1.0e-30))
             overlap = sum - r
             if overlap + wp.max(closing, wp.float64(0.0)) * time > wp.float64(0.0):
-                constants = c
-                if wp.static(not shared):
-                    constants = of_pair(b, i, j, table, columns)
-                found = measure(constants, b.inv_m[i] + b.inv_m[j], overlap, closing)
+                found = measure(c, b.inv_m[i] + b.inv_m[j], overlap, closing)
         return found
 
-    @wp.func
+    @wp.func_native(compiled_apart(declared + _REGION))
     def of_region(
-        b: Bodies,
+        bodies: Bodies,
         lists: Lists,
         base: int,
         count: int,
         near: int,
-        one: PairClass,
         table: wp.array(dtype=PairClass),
         columns: int,
         time: wp.float64,
-        reach: wp.float64,
-    ):
-        need = wp.vec3d()
-        for q in range(count):
-            k = base + q
-            if near == 1:
-                k = entry(lists.near, base + q)
-            i, j = entry(lists.i, k), entry(lists.j, k)
-            need = joined(need, of_two(b, i, j, one, table, columns, time, reach))
-        return need
+        within: wp.float64,
+    ) -> wp.vec3d: ...
 
     @wp.func
     def pairs(
@@ -149,17 +215,12 @@ def stiffness_functions(o: CompliantOptions) -> Any:
 
         `reach` is how far two can approach.
         """
-        need, one = wp.vec3d(), PairClass()
+        need = wp.vec3d()
         for region in range(2 * part, 2 * part + wp.static(2 if threads else 1)):
             count = pair_count[region] + 0
             if known == 1:
                 count = near_count[region] + 0
-            if count > 0:
-                if wp.static(shared):
-                    # any pair has the constants of all
-                    k = base[region] + 0
-                    one = of_pair(b, lists.i[k] + 0, lists.j[k] + 0, table, columns)
-                need = joined(need, of_region(b, lists, base[region], count, known, one, table, columns, time, reach))
+            need = joined(need, of_region(b, lists, base[region], count, known, table, columns, time, reach))
         return need
 
     @wp.func
@@ -176,7 +237,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         for q in range(count):
             i, j = lists.big_i[q], lists.big_j[q]
             c = of_pair(b, i, j, table, columns)
-            need = joined(need, of_two(b, i, j, c, table, columns, time, reach))
+            need = joined(need, of_two(b, i, j, c, time, reach))
         return need
 
     @wp.func
