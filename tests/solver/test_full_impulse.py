@@ -129,20 +129,41 @@ def test_split_masses_solve_a_dense_bed_in_large_substeps() -> None:
     assert settled == pytest.approx(expected, abs=0.01 * (position[:, 2].mean() - expected))
 
 
-@pytest.mark.usefixtures("tight")
-def test_substeps_are_those_of_half_lists() -> None:
-    """Counted from the same contacts, each pair once, though both of its bodies list it.
+def many_sizes() -> Scene:
+    scene = heap(64, restitution=1.0)
+    sizes = RADIUS * np.random.default_rng(2).uniform(0.5, 1.0, 64)
+    return scene.model_copy(update={"bodies": scene.bodies.model_copy(update={"radius": sizes})})
 
-    Over 20 steps: later on collisions have amplified the rounding to where it decides about a substep.
+
+def periodic_gas() -> Scene:
+    position, velocity, spin = gas(125, spacing=2.55, speed=2.0)
+    return grains(position + RADIUS, velocity, spin, restitution=1.0, young=1e6, **OTHERS["periodic"])
+
+
+HEAPS = {
+    "one kind": lambda: heap(64, restitution=1.0),
+    "two kinds and a ball": lambda: crowd(64, restitution=1.0),
+    "many sizes": many_sizes,
+    "linear": lambda: heap(64, restitution=1.0, law=LinearSpring(normal_stiffness=2e3, tangential_stiffness=1.5e3)),
+    "periodic": periodic_gas,
+}
+
+
+@pytest.mark.usefixtures("tight")
+@pytest.mark.parametrize("kind", HEAPS)
+def test_substeps_are_those_of_half_lists(kind: str) -> None:
+    """Counted from the same contacts, each pair once, though both of its bodies list it; one by one and in lanes.
+
+    Over 15 steps: later on collisions have amplified the rounding to where it decides about a substep.
     """
     found = []
     for lists, sweeps in (("full", 400), ("half", 80)):
-        simulation = full(heap(64, restitution=1.0), 2e-4, lists=lists, velocity_sweeps=sweeps)
+        simulation = full(HEAPS[kind](), 2e-4, lists=lists, velocity_sweeps=sweeps)
         counts = []
-        for _ in range(4):
+        for _ in range(3):
             simulation.step(5)
             counters = simulation.counters()
-            counts.append([counters[f"{kind} substeps of a step"] for kind in ("fewest", "mean", "most")])
+            counts.append([counters[f"{which} substeps of a step"] for which in ("fewest", "mean", "most")])
         found.append(counts)
     assert found[0] == found[1]
     assert found[0][-1][2] > 2
