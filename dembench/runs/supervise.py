@@ -188,7 +188,7 @@ class Supervisor:
         try:
             found = workload.measure_on(self._cores)
         except (OSError, subprocess.SubprocessError, ValueError) as error:
-            self._set(note=f"the reference workload was not timed: {error}")
+            self._remark(f"the reference workload was not timed: {error}")
             return
         self._workload = workload.added(self._workload, found)
 
@@ -206,12 +206,13 @@ class Supervisor:
             found, phases, why = None, None, f"it cannot be gone on with: {type(error).__name__}: {error}"
         if found is None or phases is None:
             paths.renew(run.spec)
-            self._set(note=f"begun anew after an attempt that ended as {before.label()}: {why}")
+            self._remark(f"begun anew after an attempt that ended as {before.label()}: {why}")
             return None
         self._earlier = Earlier.of(paths.result)
         there = Resumption(step=found.step, time=found.time, reached=reached, when=now(), note=found.note)
         if (last := self._earlier.status) is not None:
-            self._set(started=last.started, resumed=last.resumed, note=last.note)
+            self._set(started=last.started, resumed=last.resumed)
+            self._remark(last.note)
         self._set(resumed=(*self._status.resumed, there))
         for log in paths.log.glob("*.*"):
             with open(log, "a") as stream:
@@ -244,7 +245,7 @@ class Supervisor:
             reached = self._run.engine.reached(self._run.settings, self._run.directory.deck)
         except Exception as error:
             # a display is no reason to lose a run
-            self._set(note=f"its progress is not known between looks: {type(error).__name__}: {error}")
+            self._remark(f"its progress is not known between looks: {type(error).__name__}: {error}")
             reached = None
         if reached is not None:
             self._progress.reach(reached, self._run.scene.duration)
@@ -358,6 +359,12 @@ class Supervisor:
     def _set(self, **changes: Any) -> None:
         self._status = self._status.model_copy(update=changes)
         self._progress.state = self._status.state
+
+    def _remark(self, text: str) -> None:
+        """Adds to the note of the status what it does not say yet."""
+        note = self._status.note
+        if text not in note:
+            self._set(note=f"{note}; {text}" if note else text)
 
 
 def command_line() -> str:

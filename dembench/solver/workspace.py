@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 ALIGNED = 64
@@ -19,6 +20,13 @@ def blocks(n: int, size: int = BLOCK) -> Iterator[slice]:
     """Cuts n rows into blocks of at most `size`, ascending."""
     for first in range(0, n, size):
         yield slice(first, min(first + size, n))
+
+
+def unwritten(n: int, dtype: Any) -> wp.array:
+    """Zeros on the host that take no memory where nothing is written, other than those of Warp, which are written."""
+    number = wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))
+    zeros = np.zeros((n, *getattr(dtype, "_shape_", ())), dtype=number)
+    return wp.array(zeros, dtype=dtype, device="cpu", copy=False)
 
 
 class Workspace:
@@ -39,7 +47,7 @@ class Workspace:
             begins.append(begins[-1] + -(-size // ALIGNED) * ALIGNED)
         if not self._held or len(self._held[0]) < begins[-1] + ALIGNED:
             self._held.clear()
-            self._held.append(wp.empty(begins[-1] + ALIGNED, dtype=wp.uint8, device="cpu"))
+            self._held.append(unwritten(begins[-1] + ALIGNED, wp.uint8))
         base = -(-self._held[0].ptr // ALIGNED) * ALIGNED
         return [
             wp.array(ptr=base + begin, dtype=dtype, shape=n, device="cpu")

@@ -16,6 +16,7 @@ from hopper import hopper
 from supervising import only_record, pids, planned_runs, supervise
 
 from dembench.results import read, validate
+from dembench.runs import supervise as supervise_module
 from dembench.runs.directory import Occupied, find_runs
 from dembench.scene import save_scene
 
@@ -265,20 +266,29 @@ def test_an_interrupted_command_leaves_a_run_that_goes_on_to_the_same_bits(run_s
 
 
 def test_a_fault_of_the_display_is_no_end(standin, planned, monkeypatch):
-    """An engine that cannot say how far it is goes on, and its status tells."""
+    """An engine that cannot say how far it is goes on, and its status tells, once, beside what it says already."""
     asked, stop, statuses = threading.Event(), threading.Event(), []
 
     def fails(*_of):
         asked.set()
         raise ValueError("no idea how far")
 
+    def unmeasured(_cores):
+        raise ValueError("no clock")
+
     standin(standin=["linger", 11])
     (run,) = planned("standin")
     monkeypatch.setattr(type(run.engine), "reached", fails)
-    thread = threading.Thread(target=lambda: statuses.append(supervise(run, stop)))
+    monkeypatch.setattr(supervise_module, "GLANCE_INTERVAL", 0.01)
+    monkeypatch.setattr(supervise_module.workload, "measure_on", unmeasured)
+    thread = threading.Thread(target=lambda: statuses.append(supervise(run, stop, beside_workload=True)))
     thread.start()
     assert asked.wait(30)
     wait_for(lambda: len(pids(run)) == 2)
     stop.set()
     thread.join(30)
-    assert statuses[0].state == "ok" and statuses[0].note.endswith("ValueError: no idea how far")
+    assert statuses[0].state == "ok"
+    assert statuses[0].note.split("; ") == [
+        "the reference workload was not timed: no clock",
+        "its progress is not known between looks: ValueError: no idea how far",
+    ]

@@ -152,7 +152,7 @@ HEAPS = {
 @pytest.mark.usefixtures("tight")
 @pytest.mark.parametrize("kind", HEAPS)
 def test_substeps_are_those_of_half_lists(kind: str) -> None:
-    """Counted from the same contacts, each pair once, though both of its bodies list it; one by one and in lanes.
+    """Counted from the same contacts, each pair once; full lists, where both list it, one by one, half lists in lanes.
 
     Over 15 steps: later on collisions have amplified the rounding to where it decides about a substep.
     """
