@@ -13,7 +13,7 @@ from dembench.engines.base import Division, EngineSettings, Forced, names_of, or
 from dembench.engines.in_tree import InTree
 from dembench.scene import Rigid, Scene, features
 
-PARTICLE_STEPS_PER_SECOND = {"compliant": 3.5e6, "rigid": 1.4e6}
+PARTICLE_STEPS_PER_SECOND = {"compliant": 5.0e6, "rigid": 1.4e6}
 """Throughput of one core on which run-time estimates are based; of compliant rows that of substeps."""
 SLOWEST_STEP = {"compliant": 0.014, "rigid": 0.007}
 """Largest step in units of sqrt(d/g); compliant rows divide theirs by the stiffness of contacts."""
