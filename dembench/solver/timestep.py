@@ -27,9 +27,9 @@ SAFETY = 0.8
 """Share of the critical step that is used; damping lowers the critical step."""
 STEPS_PER_CONTACT = {True: 8, False: 20}
 """Steps in the shortest contact, by whether the dashpots use the mean velocity of the step."""
-PARTICLE_STEPS_PER_SECOND = 2.0e7
-"""Throughput of one core for forecasts: half lists, float32, friction, in the published drum; 1.8e7 to 2.1e7 on the
-settled bed of 25 000 grains, with and without the ball."""
+PARTICLE_STEPS_PER_SECOND = 2.4e7
+"""Throughput of one core for forecasts: half lists, float32, friction. A core of 2024 makes 3.1e7 in the published impact,
+3.6e7 to 5e7 on settled beds of 25 000 grains, with and without the ball; beyond the cache and on older cores it is less."""
 LEAST_BODIES = 100
 """A step of fewer bodies than this takes as long as one of this many."""
 
