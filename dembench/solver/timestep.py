@@ -28,8 +28,8 @@ SAFETY = 0.8
 STEPS_PER_CONTACT = {True: 8, False: 20}
 """Steps in the shortest contact, by whether the dashpots use the mean velocity of the step."""
 PARTICLE_STEPS_PER_SECOND = 2.4e7
-"""Throughput of one core for forecasts: half lists, float32, friction. A core of 2024 makes 3.1e7 in the published impact,
-3.6e7 to 5e7 on settled beds of 25 000 grains, with and without the ball; beyond the cache and on older cores it is less."""
+"""Throughput of one core for forecasts: half lists, float32, friction. Each of two makes 2.3e7 in the published impact,
+start and output included; on settled beds of 25 000 grains it is 3.6e7 with and 5e7 without the ball."""
 LEAST_BODIES = 100
 """A step of fewer bodies than this takes as long as one of this many."""
 
