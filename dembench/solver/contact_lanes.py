@@ -10,13 +10,14 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.contacts import StepOptions
-from dembench.solver.lanes import compiled_apart, prelude
+from dembench.solver.lanes import compiled_apart, prelude, separation
 from dembench.solver.laws import ROLLING_SHARE
 from dembench.solver.pairs import LINEAR_RADII, ONE, RADII, TABLE
 from dembench.solver.types import types
 
 # Bodies, velocities and overlaps of a block; lanes beyond the last pair repeat it.
-_GEOMETRY = """
+_GEOMETRY = (
+    """
     int slot[W], i[W], j[W];
     const int rest = end - begin;
     if (rest >= W) __builtin_memcpy(slot, lists.near.data + begin, sizeof(slot));
@@ -30,20 +31,12 @@ _GEOMETRY = """
             if constexpr (friction) __builtin_prefetch(spin + 4 * next);
             __builtin_prefetch(load + width * next, 1);
         }
-    D ki[8], kj[8];
-    doubles8(kin, i, ki);
-    doubles8(kin, j, kj);
-    D d0 = ki[0] - kj[0], d1 = ki[1] - kj[1], d2 = ki[2] - kj[2];
-    if constexpr (periodic) {
-        d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
-        d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
-        d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
-    }
+"""
+    + separation()
+    + """
     F v0 = __builtin_convertvector(ki[3] - kj[3], F);
     F v1 = __builtin_convertvector(ki[4] - kj[4], F);
     F v2 = __builtin_convertvector(ki[5] - kj[5], F);
-    D ri = D{} + bodies.radius, rj = ri;
-    if constexpr (radii) { ri = ki[6]; rj = kj[6]; }
     D sum = ri + rj;
     F inside = __builtin_convertvector(sum * sum - (d0 * d0 + d1 * d1 + d2 * d2), F);
     auto touch = inside > 0;
@@ -54,6 +47,7 @@ _GEOMETRY = """
     F n0 = r > 0 ? e0 * inverse : one, n1 = e1 * inverse, n2 = e2 * inverse;
     deepest = larger(deepest, overlap);
 """
+)
 
 # Constants of the pairs, see `pairs.py`.
 _CONSTANTS = """

@@ -44,6 +44,26 @@ auto root = [](auto a) {{ return __builtin_elementwise_sqrt(a); }};
 """
 
 
+def separation(i: str = "i", j: str = "j") -> str:
+    """C++ that declares what two bodies of each lane have: rows ki and kj of `kin`, d = x_i - x_j, and radii.
+
+    d is that to the nearest image where `periodic`, and radii are those of all `bodies` without `radii`.
+    """
+    return f"""
+    D ki[8], kj[8];
+    doubles8(kin, {i}, ki);
+    doubles8(kin, {j}, kj);
+    D d0 = ki[0] - kj[0], d1 = ki[1] - kj[1], d2 = ki[2] - kj[2];
+    if constexpr (periodic) {{
+        d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
+        d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
+        d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
+    }}
+    D ri = D{{}} + bodies.radius, rj = ri;
+    if constexpr (radii) {{ ri = ki[6]; rj = kj[6]; }}
+"""
+
+
 def compiled_apart(code: str) -> str:
     """The body of a native function that runs `code` as a function of its own, wherever it is called.
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from dembench.solver.lanes import compiled_apart, prelude
+from dembench.solver.lanes import compiled_apart, prelude, separation
 from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.types import types
@@ -299,7 +299,8 @@ def list_kernels(precision: str, options: WallOptions, periodic: bool) -> Any:
 
 
 # Writes the pairs of a region with a gap below `skin` into `near` and returns their number.
-_PICK_NEAR = """
+_PICK_NEAR = (
+    """
 const double* kin = (const double*)bodies.kin.data;
 int found = 0;
 for (int first = base; first < base + count; first += W) {
@@ -309,16 +310,10 @@ for (int first = base; first < base + count; first += W) {
         i[k] = lists.i.data[q];
         j[k] = lists.j.data[q];
     }
-    D ki[8], kj[8];
-    doubles8(kin, i, ki);
-    doubles8(kin, j, kj);
-    D d0 = ki[0] - kj[0], d1 = ki[1] - kj[1], d2 = ki[2] - kj[2], reach = D{} + 2 * bodies.radius + skin;
-    if constexpr (periodic) {
-        d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
-        d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
-        d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
-    }
-    if constexpr (radii) reach = ki[6] + kj[6] + skin;
+"""
+    + separation()
+    + """
+    D reach = ri + rj + skin;
     auto near = d0 * d0 + d1 * d1 + d2 * d2 < reach * reach;
     const int block = last - first + 1 < W ? last - first + 1 : W;
     for (int k = 0; k < block; ++k) {
@@ -334,6 +329,7 @@ for (int first = base; first < base + count; first += W) {
 }
 return found;
 """
+)
 
 
 @cache

@@ -20,7 +20,7 @@ import warp as wp
 
 from dembench.solver.impulse.compliant_rows import FAR, A, B, C, CompliantOptions, compliant_access, compliant_types
 from dembench.solver.impulse.exchange import impulse_function
-from dembench.solver.lanes import LANES, prelude
+from dembench.solver.lanes import LANES, prelude, separation
 from dembench.solver.laws import surface_functions
 from dembench.solver.pairs import radius_function
 from dembench.solver.periodic import image_functions
@@ -28,7 +28,8 @@ from dembench.solver.types import types
 from dembench.solver.walls.distance import wall_functions
 from dembench.solver.walls.records import Walls
 
-_PAIRS = """
+_PAIRS = (
+    """
 F zero = full(0), one = full(1), deepest = zero;
 const double* kin = (const double*)bodies.kin.data;
 const int last = bodies.kin.shape[0] - 1;
@@ -51,20 +52,12 @@ for (int block = first; block < end; ++block) {
             __builtin_prefetch(kin + 8 * next);
             __builtin_prefetch(&rows.u.data[next], 1);
         }
-    D ki[8], kj[8];
-    doubles8(kin, bi, ki);
-    doubles8(kin, bj, kj);
-    D d0 = ki[0] - kj[0], d1 = ki[1] - kj[1], d2 = ki[2] - kj[2];
-    if constexpr (periodic) {
-        d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
-        d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
-        d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
-    }
+"""
+    + separation("bi", "bj")
+    + """
     F v0 = __builtin_convertvector(ki[3] - kj[3], F);
     F v1 = __builtin_convertvector(ki[4] - kj[4], F);
     F v2 = __builtin_convertvector(ki[5] - kj[5], F);
-    D ri = D{} + bodies.radius, rj = ri;
-    if constexpr (radii) { ri = ki[6]; rj = kj[6]; }
     D sum = ri + rj, r2 = d0 * d0 + d1 * d1 + d2 * d2;
     F near = __builtin_convertvector((sum + reach) * (sum + reach) - r2, F);
     // (sum^2 - r^2)/(sum + r) keeps the overlap exact in single precision where sum - r would not
@@ -139,6 +132,7 @@ real largest = 0;
 for (int k = 0; k < W; ++k) largest = deepest[k] > largest ? deepest[k] : largest;
 return largest;
 """
+)
 
 
 @cache

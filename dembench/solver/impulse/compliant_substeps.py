@@ -24,7 +24,7 @@ from typing import Any
 import warp as wp
 
 from dembench.solver.impulse.compliant_rows import PER_THREAD, TRAVEL, CompliantOptions, compliant_access
-from dembench.solver.lanes import compiled_apart, prelude
+from dembench.solver.lanes import compiled_apart, prelude, separation
 from dembench.solver.pairs import LINEAR_RADII, ONE, RADII, pair_lookup, radius_function
 from dembench.solver.periodic import image_functions
 from dembench.solver.sync import barrier
@@ -41,7 +41,8 @@ CROWDED = 8.0
 
 # What `of_two` and `measure` say, of many pairs at a time; all pairs of small bodies have the constants of the first
 # where they are shared.
-_REGION = """
+_REGION = (
+    """
 wp::vec_t<3, double> out;
 if (count == 0) return out;
 const double* kin = (const double*)bodies.kin.data;
@@ -60,17 +61,9 @@ for (int begin = base; begin < end; begin += W) {
         i[k] = lists.i.data[slot];
         j[k] = lists.j.data[slot];
     }
-    D ki[8], kj[8];
-    doubles8(kin, i, ki);
-    doubles8(kin, j, kj);
-    D d0 = ki[0] - kj[0], d1 = ki[1] - kj[1], d2 = ki[2] - kj[2];
-    if constexpr (periodic) {
-        d0 -= bodies.box[0] * __builtin_elementwise_rint(d0 * bodies.inverse_box[0]);
-        d1 -= bodies.box[1] * __builtin_elementwise_rint(d1 * bodies.inverse_box[1]);
-        d2 -= bodies.box[2] * __builtin_elementwise_rint(d2 * bodies.inverse_box[2]);
-    }
-    D ri = zero + bodies.radius, rj = ri;
-    if constexpr (radii) { ri = ki[6]; rj = kj[6]; }
+"""
+    + separation()
+    + """
     D sum = ri + rj, square = d0 * d0 + d1 * d1 + d2 * d2, distance = root(square), overlap = sum - distance;
     D along = d0 * (ki[3] - kj[3]) + d1 * (ki[4] - kj[4]) + d2 * (ki[5] - kj[5]);
     D closing = -along / larger(distance, zero + 1.0e-30);
@@ -109,6 +102,7 @@ for (int k = 0; k < W; ++k) {
 }
 return out;
 """
+)
 
 
 @cache
