@@ -18,6 +18,7 @@ from dembench.solver.periodic import box_lengths, wrap_kernel
 from dembench.solver.types import types, vec8d
 from dembench.solver.units import Units
 from dembench.solver.walls.features import WallSet
+from dembench.solver.workspace import unwritten
 
 BIG_RATIO = 3.0
 """A body is kept apart as large where its radius exceeds this many median radii."""
@@ -162,11 +163,11 @@ class BodyArrays(ABC):
             self.bodies.load, self.bodies.force = made.load, made.force
 
     def _ints(self, n: int) -> wp.array:
-        return wp.zeros(max(1, n), dtype=wp.int32, device="cpu")
+        return unwritten(max(1, n), wp.int32)
 
     def contact_memory(self, n: int) -> wp.array:
         """Empty memory of n contacts; none where contacts remember nothing."""
-        return wp.zeros(max(1, n) * self.needs.history, dtype=self.types.vec4, device="cpu")
+        return unwritten(max(1, n) * self.needs.history, self.types.vec4)
 
     def divide(self) -> None:
         """Numbers that follow from those of the bodies: large ones, and the ranges of the threads."""

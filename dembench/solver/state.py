@@ -12,7 +12,7 @@ from dembench.solver.body_arrays import BodyArrays
 from dembench.solver.neighbours import list_kernels
 from dembench.solver.population import drain, large_pairs, listed_at_walls, listed_pairs
 from dembench.solver.types import vec8d
-from dembench.solver.workspace import Workspace, unwritten
+from dembench.solver.workspace import Workspace
 
 LISTED = 5
 """Pairs of a body that there is room for at first; lists grow beyond it."""
@@ -62,8 +62,8 @@ class State(BodyArrays):
         pairs = int(self.base.numpy()[-1])
         # the old ones go first: there is never room for both
         lists.i = lists.j = lists.near = lists.memory = None
-        lists.i, lists.j, lists.near = (unwritten(pairs, wp.int32) for _ in range(3))
-        lists.memory = unwritten(pairs * self.needs.history, self.types.vec4)
+        lists.i, lists.j, lists.near = self._ints(pairs), self._ints(pairs), self._ints(pairs)
+        lists.memory = self.contact_memory(pairs)
 
     def _new_walls(self, lists: Any) -> None:
         candidates = self.parts * self.wall_capacity

@@ -23,7 +23,7 @@ def blocks(n: int, size: int = BLOCK) -> Iterator[slice]:
 
 
 def unwritten(n: int, dtype: Any) -> wp.array:
-    """Zeros on the host that take no memory where nothing is written, other than those of Warp, which are written."""
+    """Zeros on the host; pages of them that nobody writes take no memory, where `wp.zeros` writes them all."""
     number = wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))
     zeros = np.zeros((n, *getattr(dtype, "_shape_", ())), dtype=number)
     return wp.array(zeros, dtype=dtype, device="cpu", copy=False)

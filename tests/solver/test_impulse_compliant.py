@@ -113,6 +113,13 @@ def heap(n: int = 125, **changes: Any) -> Scene:
     return grains(position, velocity, spin, **{"walls": (box,), "gravity": GRAVITY, "restitution": 0.5, **changes})
 
 
+def many_sizes(n: int, **changes: Any) -> Scene:
+    """The same with radii of their own."""
+    scene = heap(n, **changes)
+    sizes = RADIUS * np.random.default_rng(2).uniform(0.5, 1.0, n)
+    return scene.model_copy(update={"bodies": scene.bodies.model_copy(update={"radius": sizes})})
+
+
 @pytest.mark.parametrize(("restitution", "friction"), [(0.9, 0.0), (0.5, 0.3), (0.9, 1.0)])
 def test_energy_of_a_collapsing_pile_only_falls(restitution: float, friction: float) -> None:
     """In every step, sticking grains included: the springs gain no more than what bends them."""
@@ -438,11 +445,7 @@ def test_a_held_grain_stays_on_its_way(kind: str) -> None:
 
 def test_grains_of_many_sizes_settle() -> None:
     """Radii of their own, scaled constants: the pile loses its energy, and no overlap is deeper than its impact."""
-    random = np.random.default_rng(2)
-    scene = heap(64)
-    sizes = RADIUS * random.uniform(0.5, 1.0, 64)
-    bodies = scene.bodies.model_copy(update={"radius": sizes})
-    simulation = compliant(scene.model_copy(update={"bodies": bodies}), 2e-4)
+    simulation = compliant(many_sizes(64), 2e-4)
     start = simulation.kinetic_energy()
     simulation.step(1500)
     assert simulation.kinetic_energy() < 0.01 * start

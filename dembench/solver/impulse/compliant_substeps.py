@@ -67,7 +67,7 @@ for (int begin = base; begin < end; begin += W) {
     D sum = ri + rj, square = d0 * d0 + d1 * d1 + d2 * d2, distance = root(square), overlap = sum - distance;
     D along = d0 * (ki[3] - kj[3]) + d1 * (ki[4] - kj[4]) + d2 * (ki[5] - kj[5]);
     D closing = -along / larger(distance, zero + 1.0e-30);
-    auto meet = (lane < end - begin) & (square < (sum + within) * (sum + within));
+    auto meet = (lane < end - begin) & (square < (sum + reach) * (sum + reach));
     meet &= overlap + larger(closing, zero) * time > 0;
     if (!__builtin_reduce_or(meet)) continue;
     F inverse;
@@ -188,7 +188,7 @@ def stiffness_functions(o: CompliantOptions) -> Any:
         table: wp.array(dtype=PairClass),
         columns: int,
         time: wp.float64,
-        within: wp.float64,
+        reach: wp.float64,
     ) -> wp.vec3d: ...
 
     @wp.func
